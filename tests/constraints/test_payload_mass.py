@@ -8,7 +8,7 @@ import pytest
 
 from dynid.constraints import prior_link, safe_constraints
 from dynid.core import InputError
-from dynid.robot import Body, box_points, joint_poses, load_robot, with_tool
+from dynid.robot import Body, SafetyLimits, box_points, joint_poses, load_robot, with_tool
 
 MASS, COM = 4.0, np.array([0.02, -0.01, 0.08])
 CLOSE = 1e-9
@@ -104,3 +104,15 @@ def test_an_unknown_tensor_is_that_of_the_links_own_solid() -> None:
     uniform = mass / 12 * (square.sum() - square)
     np.testing.assert_allclose(prior_link(robot, 0)[4:7], uniform, rtol=1e-6)
     np.testing.assert_allclose(prior_link(robot, 1)[4:7], 4 * uniform, rtol=1e-6)
+
+
+def test_a_payload_above_the_rating_is_refused_and_an_unknown_rating_is_reported() -> None:
+    # Held above the shoulder, 200 kg need hardly any torque.
+    with pytest.raises(InputError, match=r"ur5.*rated.*200 kg.*5 kg"):
+        safe_constraints(with_tool(load_robot("ur5"), payload=[200.0, 0, 0, 0]), collision=False)
+    held = safe_constraints(with_tool(load_robot("ur10e"), payload=[12.5, 0, 0, 0]))
+    assert not any("rated" in note for note in held.notes)
+    bare = replace(load_robot("ur5"), safety=SafetyLimits())
+    assert not any("rated" in note for note in safe_constraints(bare, collision=False).notes)
+    loaded = safe_constraints(with_tool(bare, payload=[200.0, 0, 0, 0]), collision=False)
+    assert any("no rated payload" in note for note in loaded.notes)

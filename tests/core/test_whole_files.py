@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from dynid.core import InputError, JobError, write_json, write_text
+from dynid.core import InputError, JobError, require_absent, write_json, write_text
 
 
 def names(folder: Path) -> list[str]:
@@ -79,3 +79,31 @@ def test_what_json_cannot_hold_is_refused_before_the_file_is_touched(
     with pytest.raises(InputError, match="JSON values"):
         write_json(path, {"a": value})
     assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_a_file_that_appeared_since_it_was_looked_for_stays(
+    links: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_links(*_: object) -> None:
+        raise OSError(errno.EPERM, "Operation not permitted")
+
+    if not links:
+        monkeypatch.setattr(os, "link", no_links)
+    path = tmp_path / "result.json"
+    require_absent(path, force=False)
+    path.write_text("of another process")
+    for name in ("result.new-1.json", "result.new-2.json"):
+        with pytest.raises(JobError, match=f"appeared.*{name}"):
+            write_text(path, "ours")
+        assert path.read_text() == "of another process"
+        assert (tmp_path / name).read_text() == "ours"
+        require_absent(tmp_path / "other.json", force=False)
+    require_absent(path, force=True)
+    write_text(path, "ours")
+    assert path.read_text() == "ours"
+    # What was looked for and not there is one's own from its first writing on.
+    for text in ("once", "twice"):
+        write_text(tmp_path / "other.json", text)
+        assert (tmp_path / "other.json").read_text() == text
+    assert len(names(tmp_path)) == 4

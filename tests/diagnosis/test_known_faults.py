@@ -13,7 +13,8 @@ from pinocchio_arm import NOISE, RATE, Wrong, arm, recording
 from dynid.core import Finding
 from dynid.diagnosis import Recording, contact_stretches, diagnose, explain, findings_of
 from dynid.diagnosis.events import torque_deviations
-from dynid.robot import load_robot
+from dynid.recording import ExperimentRecord, RecordMetadata
+from dynid.robot import load_robot, robot_from_chain
 from dynid.signals import ProcessingSettings, process
 
 SIGMAS = 4.0
@@ -55,6 +56,66 @@ def test_a_reversed_torque_is_named(tmp_path: Path, joint: int) -> None:
     scales[joint] = -1.0
     found = faults(tmp_path, Wrong(scales=(scales[0], scales[1], scales[2])))[0]
     assert (found.kind, found.joints, found.severity) == ("reversed", (joint,), "error")
+
+
+def test_absolute_torques_are_no_reversed_ones(tmp_path: Path) -> None:
+    record = recording(Wrong())
+    absolute = {**record.signals, "effort": np.abs(record.signals["effort"])}
+    (found,) = findings_of(replace(record, signals=absolute), arm(tmp_path))
+    assert (found.kind, found.code, found.severity) == ("absolute_torque", "torque_kind", "error")
+
+
+def test_slides_have_no_gears_whose_friction_could_be_missing() -> None:
+    robot = robot_from_chain(
+        placements=np.tile(np.eye(4), (3, 1, 1)),
+        axes=np.eye(3),
+        name="gantry",
+        joint_types=["prismatic"] * 3,
+    )
+    random, t = np.random.default_rng(0), np.arange(2500) / 125.0
+    rates = 2 * np.pi * np.array([[0.1, 0.3], [0.2, 0.5], [0.15, 0.4]])
+    sizes = random.uniform(0.1, 0.3, (3, 2))
+    angle = t[:, None, None] * rates
+    q, dq, ddq = (
+        (sizes * rates**k * wave(angle)).sum(axis=2)
+        for k, wave in enumerate((np.sin, np.cos, lambda x: -np.sin(x)))
+    )
+    force = np.array([40.0, 20.0, 10.0]) * ddq + 1.0 * np.tanh(dq / 0.01)
+    force[:, 2] += 8.0 * 9.80665
+    force += random.normal(scale=0.5, size=force.shape)
+    record = ExperimentRecord(
+        t=t,
+        signals={"q": q, "qd": dq, "effort": force},
+        metadata=RecordMetadata(robot="gantry", joint_names=robot.joint_names),
+    )
+    assert "torque_kind" not in {finding.code for finding in findings_of(record, robot)}
+
+
+@pytest.mark.parametrize(("mass", "lever", "inertia"), [(3.0, 0.3, 0.4), (1.0, 0.2, 0.05)])
+@pytest.mark.parametrize("towards", [0.3, 2.0])
+def test_gravity_of_one_link_of_unknown_size_is_no_spring(
+    mass: float, lever: float, inertia: float, towards: float
+) -> None:
+    robot = robot_from_chain(
+        placements=np.eye(4)[None],
+        axes=np.array([[0.0, 1.0, 0.0]]),
+        name="one",
+        joint_types=["revolute"],
+    )
+    t = np.arange(2500) / 125.0
+    rates, sizes = 2 * np.pi * np.array([0.1, 0.3, 0.7]), np.array([1.0, 0.5, 0.2])
+    angle = t[:, None] * rates + np.arange(3)
+    q = (sizes * np.sin(angle)).sum(axis=1)
+    dq = (sizes * rates * np.cos(angle)).sum(axis=1)
+    tau = -inertia * (sizes * rates**2 * np.sin(angle)).sum(axis=1)
+    tau += 9.80665 * mass * lever * np.cos(q + towards) + np.tanh(dq / 0.01) + 0.5 * dq
+    tau += np.random.default_rng(0).normal(scale=0.05, size=len(t))
+    record = ExperimentRecord(
+        t=t,
+        signals={"q": q[:, None], "qd": dq[:, None], "effort": tau[:, None]},
+        metadata=RecordMetadata(robot="one", joint_names=robot.joint_names),
+    )
+    assert findings_of(record, robot) == ()
 
 
 @pytest.mark.parametrize("degrees", [1.0, 2.0, 5.0])

@@ -14,7 +14,7 @@ from dynid.export import simulator_obstacle, write_model
 from dynid.export.completion import PseudoInertias, complete, null_space
 from dynid.identification import StandardParameters, inertial_prior
 from dynid.reduction import random_states
-from dynid.robot import load_robot, to_pseudo_inertia
+from dynid.robot import load_robot, robot_from_chain, to_pseudo_inertia
 
 UR5 = load_robot("ur5")
 # Torques of two sets of standard parameters that are the same to motion [N.m].
@@ -48,6 +48,31 @@ def test_the_prior_comes_back_where_it_is_the_truth() -> None:
     prior = PseudoInertias.of(model, inertial_prior(UR5, model.frames).parameters).prior
     found = complete(estimate_of(UR5, prior))
     np.testing.assert_allclose(found.values, prior, rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_mass_that_motion_cannot_tell_from_a_slides_motor_is_the_bodys(known: bool) -> None:
+    """URDF has no place for motor inertias: what may be mass must not be lost there."""
+    gantry = robot_from_chain(
+        placements=np.tile(np.eye(4), (3, 1, 1)),
+        axes=np.eye(3),
+        name="gantry",
+        joint_types=["prismatic"] * 3,
+    )
+    mass, motor = np.array([15.0, 8.0, 4.0]), np.array([0.5, 0.4, 0.3])
+    links = np.zeros((3, 10))
+    links[:, 0], links[:, 4:7] = mass, 0.05
+    if known:
+        gantry = replace(gantry, inertias=links)
+    truth = parameters_of(gantry)
+    truth[:30], truth[-3:] = links.ravel(), motor
+    found = complete(estimate_of(gantry, truth))
+    assert found.physical
+    moved = np.cumsum(found.values[:30:10][::-1])[::-1]
+    total = np.cumsum(mass[::-1])[::-1] + motor
+    # Gravity tells the last mass from its motor.
+    np.testing.assert_allclose(moved[:2] / total[:2], 1.0, atol=0.02)
+    assert moved[2] == pytest.approx(mass[2], rel=1e-6)
 
 
 def test_it_is_the_nearest_of_all() -> None:

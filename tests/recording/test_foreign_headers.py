@@ -284,6 +284,9 @@ WRITTEN = {
     "blank": lambda moment: moment.strftime("%Y-%m-%d %H:%M:%S.%f"),
     "day first": lambda moment: moment.strftime("%d.%m.%Y %H:%M:%S.%f"),
     "time of day": lambda moment: moment.strftime("%H:%M:%S.%f"),
+    "twelve hours": lambda moment: moment.strftime("%I:%M:%S.%f %p"),
+    "month first": lambda moment: moment.strftime("%m/%d/%Y %I:%M:%S.%f %p"),
+    "blank, twelve hours": lambda moment: moment.strftime("%Y-%m-%d %I:%M:%S.%f %p"),
 }
 
 

@@ -111,3 +111,10 @@ def test_other_units_are_refused_by_name(tmp_path: Path, names: dict[str, str], 
 def test_a_rate_is_positive_even_where_stamps_win(tmp_path: Path, rate: float) -> None:
     with pytest.raises(RecordError, match="rate must be positive"):
         read_recording(write(tmp_path / "x.csv"), robot=load_robot("ur5"), rate_hz=rate)
+
+
+def test_all_factors_of_mixed_units_are_noted(tmp_path: Path) -> None:
+    path = write(tmp_path / "x.csv", q=" [deg]")
+    path.write_text(path.read_text().replace("q2 [deg]", "q2 [mrad]", 1))
+    note = read_recording(path).metadata.extra["notes"]
+    assert "q (times 0.0174533, 0.001, 0.0174533, 0.0174533, 0.0174533, 0.0174533)" in note

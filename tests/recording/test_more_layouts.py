@@ -7,6 +7,7 @@ import json
 import lzma
 import pickle
 import zipfile
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import escape
@@ -45,6 +46,9 @@ def write_workbook(path: Path, *sheets: list[list[object]]) -> Path:
     texts: list[str] = []
 
     def cell(place: str, value: object) -> str:
+        if isinstance(value, datetime):
+            days = (value - datetime(1899, 12, 30)) / timedelta(days=1)
+            return f'<c r="{place}" s="1"><v>{days!r}</v></c>'
         if isinstance(value, str) and value.startswith("#"):
             return f'<c r="{place}" t="e"><v>{value}</v></c>'
         if isinstance(value, str):
@@ -65,6 +69,10 @@ def write_workbook(path: Path, *sheets: list[list[object]]) -> Path:
         archive.writestr("xl/workbook.xml", book)
         parts = {f"r{k}": ("worksheet", f"worksheets/sheet{k + 1}.xml") for k in range(len(sheets))}
         parts["texts"] = ("sharedStrings", "sharedStrings.xml")
+        parts["styles"] = ("styles", "styles.xml")
+        # The second style is that of a date with its time.
+        styles = '<cellXfs count="2"><xf numFmtId="0"/><xf numFmtId="22"/></cellXfs>'
+        archive.writestr("xl/styles.xml", f"<styleSheet {name_space}>{styles}</styleSheet>")
         for place, targets in (
             ("_rels/.rels", {"book": ("officeDocument", "xl/workbook.xml")}),
             ("xl/_rels/workbook.xml.rels", parts),
@@ -257,6 +265,17 @@ def test_workbooks(tmp_path: Path) -> None:
         read_recording(write_workbook(tmp_path / "x.xlsx", rows, rows))
     with pytest.raises(RecordError, match="no sheets of numbers"):
         read_recording(write_workbook(tmp_path / "x.xlsx", notes))
+
+
+def test_a_workbook_whose_first_stamp_is_midnight_keeps_its_row(tmp_path: Path) -> None:
+    midnight = datetime(2024, 3, 1)
+    stamped = [
+        [midnight + timedelta(milliseconds=8 * k), *row[1:]] for k, row in enumerate(TABLE.tolist())
+    ]
+    rows: list[list[object]] = [list(HEADER), *stamped]
+    record = read_recording(write_workbook(tmp_path / "x.xlsx", rows))
+    assert record.samples == len(TABLE)
+    assert record.problems == ()
 
 
 @pytest.mark.parametrize("suffix", [".xlsx", ".csv.gz", ".csv.xz", ".zip", ".csv.zst"])

@@ -55,6 +55,16 @@ def test_closing_makes_a_parquet_file(tmp_path: Path) -> None:
     np.testing.assert_array_equal(record.channels["speed"], np.arange(300) % 7)
 
 
+def test_a_recording_that_appeared_meanwhile_stays(tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    with open_writer(path) as writer:
+        fill(writer, 300)
+        path.write_text("of another process")
+    assert path.read_text() == "of another process"
+    assert writer.record_path == tmp_path / "run.new-1.parquet"
+    assert read_record(writer.record_path).samples == 300
+
+
 KILLED = """
 import sys, time
 from dynid.recording import RecordWriter

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from dynid import read_record
-from dynid.core import JobError
+from dynid.core import InputError, JobError
 from dynid.workflow import run_demo
 
 
@@ -27,3 +27,18 @@ def test_an_interrupted_recording_is_closed_and_says_why(tmp_path: Path) -> None
     assert not list(tmp_path.glob("*.partial"))
     for path in tmp_path.glob("*.parquet"):
         assert any(problem.kind == "aborted" for problem in read_record(path).problems)
+
+
+def test_a_demo_that_was_interrupted_starts_again_in_its_folder(tmp_path: Path) -> None:
+    def stop(what: str, share: float) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_demo(tmp_path / "a", quick=True, progress=stop)
+    (tmp_path / "a" / "design.json").write_text("what the demo left")
+    with pytest.raises(KeyboardInterrupt):
+        run_demo(tmp_path / "a", quick=True, progress=stop)
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "design.json").write_text("somebody's")
+    with pytest.raises(InputError, match="unasked"):
+        run_demo(tmp_path / "b", quick=True, progress=stop)

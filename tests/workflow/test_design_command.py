@@ -118,6 +118,25 @@ def test_options_of_the_other_method_are_said(run: Run, tmp_path: Path) -> None:
     assert (code, err) == (0, "dynid: --population is not used by --method gradient\n")
 
 
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"accuracy_percent": 3.0, "period_s": 20.0}, "--period"),
+        ({"motions": ("task.json",), "criterion": "cond"}, "--motion"),
+        ({"motions": ("task.json",), "purpose": "parameters"}, "--motion"),
+        ({"criterion": "cond", "purpose": "prediction"}, "--for"),
+        ({"motions": ("task.json",), "criterion": "cond", "accuracy_percent": 3.0}, None),
+        ({"motions": ("task.json",)}, None),
+        ({"accuracy_percent": 3.0}, None),
+    ],
+)
+def test_options_without_an_effect_beside_others_are_said(
+    given: dict[str, Any], said: str | None
+) -> None:
+    found = dynid.DesignSettings(**given).unused
+    assert [words.split()[0] for words in found] == ([said] if said else [])
+
+
 def test_the_genetic_algorithm_with_the_paper_limits(run: Run, tmp_path: Path) -> None:
     file = tmp_path / "ga.json"
     words = ("--method", "ga", "--limits", "paper", "--population", "20", "--generations", "2")

@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from dynid.core import InputError, write_json
-from dynid.workflow import DesignSettings, check, design, read_design
+from dynid.experiment import ExperimentPlan, check_design
+from dynid.workflow import DesignSettings, RunSettings, check, design, judge_of, read_design
 
 Document = dict[str, Any]
 SCENE = {"shapes": [{"type": "box", "size": [0.2, 0.2, 0.2], "position": [0.8, 0.8, 0.1]}]}
@@ -149,6 +150,34 @@ def test_an_edited_design_is_certified_anew(made: tuple[Path, str], tmp_path: Pa
     after = check(path).to_json()
     assert (after["certificate"], after["changed"]) == ("violated", ["motion"])
     assert json.loads(path.read_text())["design"]["margins"] == before["margins"]
+
+
+@pytest.mark.parametrize("name", ["the scene removed", "a shape made smaller", "the floor lowered"])
+def test_a_scene_that_was_edited_must_be_given_again(
+    made: tuple[Path, str], name: str, tmp_path: Path
+) -> None:
+    path = written(made, NOTICED[name][0], tmp_path)
+    found = check(path)
+    assert "environment" in [item.kind for item in found.certificate.unjudged]
+    assert not found.feasible
+    assert found.limits.floor == "mount"
+    stored = read_design(path)
+    plan = ExperimentPlan(robot=stored.robot, trajectory=stored.stored.trajectory)
+    _, judge = judge_of(stored, RunSettings())
+    with pytest.raises(InputError, match=r"must not run.*environment.*--scene"):
+        check_design(plan, judge)
+    again = check(path, scene=made[0] / "scene.json")
+    assert again.certificate.verdict == check(made[0] / "design.json").certificate.verdict
+
+
+@pytest.mark.parametrize("name", ["no margin", "less clearance", "collisions off", "the limits"])
+def test_limits_that_were_edited_hold_no_less_than_the_usual_ones(
+    made: tuple[Path, str], name: str, tmp_path: Path
+) -> None:
+    found = check(written(made, NOTICED[name][0], tmp_path))
+    assert (found.limits.margin_percent, found.limits.clearance) == (5.0, 0.01)
+    assert found.limits.collision
+    assert found.limits.preset == "safe"
 
 
 @pytest.mark.parametrize(

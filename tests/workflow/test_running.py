@@ -254,8 +254,8 @@ def test_bad_settings_are_refused(design: Path, tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError):
             run_design(design, path, settings=settings)
-    for on in ("ur5", "ur://", "http://127.0.0.1", "ur://a/b"):
-        with pytest.raises(InputError, match="sim, ur://HOST"):
+    for on in ("ur5", "ur://", "http://127.0.0.1", "ur://a/b", "ur://10.0.0.1:30004", "ur://a:1"):
+        with pytest.raises(InputError, match=r"sim, ur://HOST.*no port"):
             run_design(design, path, on=on)
     with pytest.raises(InputError, match="--warm-up"):
         RunSettings(warm_up_s=-1.0)

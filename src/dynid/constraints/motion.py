@@ -360,8 +360,18 @@ def safe_constraints(
         floor: Where the floor is; see `ConstraintSettings`.
 
     Raises:
-        InputError: Bounds that leave no room, or a scene in which the robot cannot stand.
+        InputError: Bounds that leave no room, a payload above the rated one, or a scene in which
+            the robot cannot stand.
     """
+    mass, rated = robot.tool.mass, robot.safety.payload
+    if mass > rated:
+        raise InputError(
+            "the payload is above the rated one",
+            where=robot.name,
+            value=f"{mass:g} kg",
+            limit=f"{rated:g} kg",
+            next_step="Give the mass at the flange: --payload KG,X,Y,Z, or [tool] in a robot file.",
+        )
     bounds = usable_bounds(robot.limits, acceleration)
     settings = ConstraintSettings(
         bounds=replace(bounds, velocity=(1.0 - margin) * bounds.velocity),
@@ -372,4 +382,11 @@ def safe_constraints(
         margin=margin,
         floor=floor if collision else "none",
     )
-    return MotionConstraints(robot, settings)
+    judge = MotionConstraints(robot, settings)
+    if mass and math.isnan(rated):
+        judge.notes += ("no rated payload is known of the robot: the mass itself is not judged",)
+    if not collision:
+        judge.notes += ("collisions are not judged (--no-collision); dynid run judges them",)
+    if margin == 0:
+        judge.notes += ("no margin is kept: the controller may stop a motion that overshoots",)
+    return judge

@@ -2,6 +2,7 @@
 
 import errno
 import hashlib
+import itertools
 import json
 import os
 import platform
@@ -80,6 +81,18 @@ def require_absent(*paths: Path, force: bool) -> None:
             where=str(there),
             next_step="Name another file, or pass --force.",
         )
+    for path in map(str, paths):
+        (_ABSENT.discard if force else _ABSENT.add)(os.path.realpath(path))
+
+
+_ABSENT: set[str] = set()
+"""Files that were not there and must not be replaced, until this process has written them."""
+
+
+def free_name(path: Path, before: str, behind: str = "") -> Path:
+    """A free name beside a file that must stay: the first free number between two texts."""
+    names = (path.with_name(f"{before}{number}{behind}") for number in itertools.count(1))
+    return next(name for name in names if not name.exists())
 
 
 def make_folder(path: str | Path) -> Path:
@@ -98,27 +111,61 @@ def make_folder(path: str | Path) -> Path:
 
 
 @contextmanager
-def in_one_piece(path: Path) -> Generator[Path]:
+def in_one_piece(path: Path, suffix: str = ".part") -> Generator[Path]:
     """Write a file whole or not at all: an interrupt leaves the old file.
 
+    A file that `require_absent` did not find and that is there now stays as well: the new one is
+    written beside it.
+
     Yields:
-        The draft to write, which is renamed to the file at the end.
+        The draft to write, whose name ends as told and which is renamed to the file at the end.
 
     Raises:
         InputError: A place where no such file can be.
-        JobError: The disk does not take it.
+        JobError: The disk does not take it, or another program has written such a file.
     """
     # Beside the file: only within one folder does a rename happen in one piece.
     path = file_behind(path)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    part = path.with_name(f".{path.name}.{os.getpid()}{suffix}")
     try:
         try:
             yield part
-            part.replace(path)
+            _publish(part, path)
         finally:
             part.unlink(missing_ok=True)
     except (OSError, UnicodeError) as error:
         raise cannot_write(path, error) from error
+
+
+def _publish(part: Path, path: Path) -> None:
+    if str(path) not in _ABSENT:
+        part.replace(path)
+        return
+    if _moved(part, path):
+        _ABSENT.discard(str(path))
+        return
+    beside = path
+    while not _moved(part, beside):
+        beside = free_name(path, f"{path.stem}.new-", path.suffix)
+    raise JobError(
+        f"the file appeared while this was at work, and stays; the result is in {beside}",
+        where=str(path),
+        next_step="Rename one of the two, or pass --force next time.",
+    )
+
+
+def _moved(part: Path, path: Path) -> bool:
+    """Give a draft its name, unless a file has it: a link, unlike a rename, replaces nothing."""
+    try:
+        os.link(part, path)
+    except FileExistsError:
+        return False
+    except OSError:
+        # A file system without links.
+        if os.path.exists(path):
+            return False
+        part.replace(path)
+    return True
 
 
 def write_text(path: Path, text: str) -> None:

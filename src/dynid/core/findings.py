@@ -43,6 +43,7 @@ KINDS: Mapping[str, tuple[str, str]] = {
     "link_length": ("unit_suspect", "warning"),
     "spring": ("unit_suspect", "warning"),
     "gravity_compensated": ("torque_kind", "error"),
+    "absolute_torque": ("torque_kind", "error"),
     "friction_compensated": ("torque_kind", "warning"),
     "commanded": ("torque_kind", "warning"),
     "unexplained": ("over_fitted", "warning"),

@@ -19,6 +19,8 @@ LEAST_RIPPLE = 0.005
 """Amplitude of a ripple over the joint's torque limit, or its largest torque."""
 NO_FRICTION = (0.03, 0.6)
 """Braking torque over the torque limit, and over the torque, that hardly any gear stays below."""
+NEAR_ZERO = 0.01
+"""Share of its largest value to which a torque comes that turns round at zero."""
 NO_NOISE = 2e-4
 """Noise over torque that no measurement stays below unless it is filtered."""
 MODELLED = 0.01
@@ -100,6 +102,10 @@ def diagnose(
         samples = process(record, robot, plain)
         if samples.count < SAMPLES:
             continue
+        if _absolute(record):
+            text = "no torque of any joint is ever negative: absolute values"
+            step = "record torques or currents with their signs"
+            return (Finding("absolute_torque", text, next_step=step),)
         explained = _explained(recording_of(robot, samples), prior)
         for item in explained.found:
             key = (item.kind, item.joints)
@@ -243,6 +249,15 @@ def _touched(contact: Contact, robot: RobotModel) -> Finding:
     )
 
 
+def _absolute(record: ExperimentRecord) -> bool:
+    """Whether all torques are cut at zero: none is negative, and each comes close to zero."""
+    tau = record.signals.get("effort", record.signals.get("current"))
+    if tau is None:
+        return False
+    low, high = tau.min(axis=0), tau.max(axis=0)
+    return bool(((low >= 0.0) & (low < NEAR_ZERO * high)).all())
+
+
 def _computed(tau: Array, error: Array) -> bool:
     """Whether torques (N, n) contain no noise and a rigid model leaves (T, n) next to nothing.
 
@@ -264,8 +279,12 @@ def _kind_of_torque(explained: Explained, torque: Array, limit: Array) -> list[F
     # The mean over the way: what does not brake, such as an offset, is no friction.
     power = (np.tensordot(values, columns, axes=1) * dq).sum(axis=1)
     friction = power / np.maximum(np.abs(dq).sum(axis=1), 1e-300)
-    shares = (friction / limit, friction / np.maximum(torque, 1e-300))
-    if all(np.median(s) < least for s, least in zip(shares, NO_FRICTION, strict=True)):
+    # Slides may have no gears.
+    turns = ~np.array(rec.robot.prismatic)
+    shares = (friction[turns] / limit[turns], friction[turns] / np.maximum(torque[turns], 1e-300))
+    if turns.any() and all(
+        np.median(s) < least for s, least in zip(shares, NO_FRICTION, strict=True)
+    ):
         text = "the torques contain hardly any friction: measured behind the gears, or compensated"
         return [Finding("friction_compensated", text)]
     return []

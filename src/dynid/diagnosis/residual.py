@@ -28,6 +28,7 @@ PRESLIDING = (0.001, 0.006)
 """Displacements over which friction builds up, shares of the joint's travel."""
 DRAWS = 300
 SWEEPS = 8
+UNKNOWN_LENGTH_M = 0.5
 UNKNOWN_MASS, UNKNOWN_CENTRE, UNKNOWN_TENSOR = 1.0, 0.3, 0.5
 """... of guessed links (log of the mass, share of the arm's thickness and length, log)."""
 FRICTION_SPREAD = 2.0
@@ -89,9 +90,14 @@ def inertial_prior(robot: RobotModel) -> tuple[Array, Array]:
 
     Bodies are drawn about the published ones, so that the covariance knows that a heavier link
     has larger moments. Where a mass is unpublished, they are drawn about a uniform rod along the
-    link whose mass is unknown: its centre is still beside the link, not anywhere.
+    link whose mass is unknown: its centre is still beside the link, not anywhere. The last link of
+    an arm without any lengths, such as one link, is `UNKNOWN_LENGTH_M` long: gravity needs a lever.
     """
     n = robot.joints
+    if not (robot.placements[1:, :3, 3].any() or robot.flange[:3, 3].any()):
+        flange = np.array(robot.flange)
+        flange[0, 3] = UNKNOWN_LENGTH_M
+        robot = replace(robot, flange=flange)
     draw = np.random.default_rng(0)
     mean, covariance = np.zeros(10 * n), np.zeros((10 * n, 10 * n))
     frames = robot.parameter_frames[robot.default_frames]

@@ -1,7 +1,6 @@
 """One identified model to one file, and the proof that the file gives its torques."""
 
 import json
-import os
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, DynidError, InputError, JobError, cannot_write, file_behind
+from dynid.core import Array, DynidError, InputError, JobError, in_one_piece
 from dynid.export import robot_xml
 from dynid.export.c_code import c_code, c_prefix
 from dynid.export.model import ExportModel, NearestFriction, completed_model, nearest_friction
@@ -220,7 +219,6 @@ def write_model(estimate: EstimateLike, path: str | Path, to: str, note: str = "
     if to not in FORMATS:
         raise InputError("unknown format", where="--to", value=to, limit=", ".join(FORMATS))
     path = Path(path)
-    place = file_behind(path)
     model, completed = completed_model(estimate)
     states = random_states(model.robot, STATES, seed=0)
     kind = _FORMATS[to]
@@ -229,9 +227,8 @@ def write_model(estimate: EstimateLike, path: str | Path, to: str, note: str = "
     model = model if friction is None else friction.put_into(model)
     remarks = [note, f"Standard parameters: {model.origin}.", *stand_in_words(friction)]
     text = kind.text(model, "\n".join(remarks).strip())
-    # Names the process, ends as the format wants it: loaders look at the suffix.
-    part = place.with_name(f".{path.stem}.{os.getpid()}{kind.suffix}")
-    try:
+    # The draft ends as the format wants it: loaders look at the suffix.
+    with in_one_piece(path, kind.suffix) as part:
         part.write_text(text, encoding="utf-8")
         theirs, loader = kind.torque(model, part, states)
         verified = _compared(kind, ours, theirs, loader, completed.values[: 10 * model.joints])
@@ -242,11 +239,6 @@ def write_model(estimate: EstimateLike, path: str | Path, to: str, note: str = "
                 value=verified.max_torque_difference,
                 limit=verified.tolerance,
             )
-        part.replace(place)
-    except OSError as error:
-        raise cannot_write(path, error) from error
-    finally:
-        part.unlink(missing_ok=True)
     missing = () if kind.held is None else left_out(model, kind.held)
     return ExportedFile(
         path=path, model=model, verified=verified, left_out=missing, friction=friction

@@ -115,8 +115,11 @@ def _has_numbers(sheet: Any) -> bool:
 
 
 def _cell(value: Any) -> str:
-    if isinstance(value, (datetime, date, time)):
-        return value.isoformat(sep=" ") if isinstance(value, datetime) else value.isoformat()
+    if isinstance(value, (datetime, time)):
+        return value.isoformat()
+    if isinstance(value, date):
+        # Midnight is no less a stamp than those after it.
+        return f"{value}T00:00:00"
     if isinstance(value, timedelta):
         return repr(value.total_seconds())
     # `#DIV/0!` is no value.

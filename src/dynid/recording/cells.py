@@ -8,13 +8,15 @@ import numpy as np
 
 from dynid.core import Array
 
-_CLOCK = r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,:]\d+)?))?"
-_TIME = re.compile(_CLOCK)
+_CLOCK = r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,:]\d+)?))?(?:\s*([ap])\.?m\.?)?"
+_TIME = re.compile(_CLOCK, re.IGNORECASE)
 _ISO = re.compile(
     rf"(\d{{4}})[-/.](\d{{1,2}})[-/.](\d{{1,2}})[T_\s]+{_CLOCK}\s*(Z|UTC|[+-]\d{{2}}:?\d{{2}})?",
     re.IGNORECASE,
 )
-_DAY_FIRST = re.compile(rf"(\d{{1,2}})\.(\d{{1,2}})\.(\d{{4}})[T_,\s]+{_CLOCK}")
+_DAY_FIRST = re.compile(rf"(\d{{1,2}})\.(\d{{1,2}})\.(\d{{4}})[T_,\s]+{_CLOCK}", re.IGNORECASE)
+_MONTH_FIRST = re.compile(rf"(\d{{1,2}})/(\d{{1,2}})/(\d{{4}})[,\s]+{_CLOCK}", re.IGNORECASE)
+"""Taken with AM or PM alone: of other dates with slashes nobody knows which comes first."""
 _DAY = 86400.0
 
 
@@ -22,7 +24,8 @@ def stamp(cell: str) -> float:
     """Seconds since 1970 of a date with its time, or since midnight of a time of day.
 
     Args:
-        cell: `2024-03-01T12:00:00.008Z`, `1.3.2024 12:00:00,008` or `12:00:00.008`.
+        cell: `2024-03-01T12:00:00.008Z`, `1.3.2024 12:00:00,008`, `3/1/2024 1:00:00 PM` or
+            `12:00:00.008`.
 
     Raises:
         ValueError: The cell is none of them.
@@ -33,6 +36,9 @@ def stamp(cell: str) -> float:
         return _epoch(year, month, day) + _of_day(clock) - _zone(zone)
     if match := _DAY_FIRST.fullmatch(text):
         day, month, year, *clock = match.groups()
+        return _epoch(year, month, day) + _of_day(clock)
+    if (match := _MONTH_FIRST.fullmatch(text)) and match.group(7):
+        month, day, year, *clock = match.groups()
         return _epoch(year, month, day) + _of_day(clock)
     if (match := _TIME.fullmatch(text)) and match.group(3):
         return _of_day(list(match.groups()))
@@ -65,7 +71,9 @@ def _epoch(year: str, month: str, day: str) -> float:
 
 
 def _of_day(clock: list[str | None]) -> float:
-    hours, minutes, seconds = (part or "0" for part in clock)
+    hours, minutes, seconds, half = (part or "0" for part in clock)
+    if half != "0":
+        hours = int(hours) % 12 + 12 * (half in "pP")
     # 12:00:00:123 has milliseconds behind its last colon.
     whole, _, rest = re.sub("[,:]", ".", seconds).partition(".")
     return int(hours) * 3600.0 + int(minutes) * 60.0 + float(f"{whole}.{rest or 0}")

@@ -175,8 +175,9 @@ def _joints_of(names: Sequence[str], joints: Sequence[str]) -> tuple[str, ...]:
 def _conversions(factors: Mapping[str, tuple[float, ...]]) -> tuple[str, ...]:
     """Units that were converted, in words."""
     changed = [
-        f"{quantity} (times {values[0]:.6g})"
+        f"{quantity} (times {', '.join(f'{x:.6g}' for x in (values if several else values[:1]))})"
         for quantity, values in factors.items()
+        for several in (len({*values}) > 1,)
         if any(value != 1.0 for value in values)
     ]
     return (f"converted to SI units as the names say: {', '.join(changed)}",) if changed else ()

@@ -116,19 +116,19 @@ def _all_names(sheets: list[Sheet]) -> tuple[str, ...] | None:
 
     Columns that every file has are told apart by the files' names, as of one file a joint.
     """
-    if any(sheet.dialect.names is None for sheet in sheets):
+    each = [names for sheet in sheets if (names := sheet.dialect.names) is not None]
+    if len(each) < len(sheets):
         return None
-    found: list[str] = []
-    each = [set(sheet.dialect.names or ()) for sheet in sheets]
-    shared = set[str]().union(*each).intersection(*each) if len(each) > 1 else set[str]()
+    shared = set(each[0]).intersection(*each[1:]) if len(each) > 1 else set[str]()
     if not _says_anything(tuple(shared)):
         shared.clear()
-    for number, sheet in enumerate(sheets):
-        for name in sheet.dialect.names or ():
+    found: list[str] = []
+    for number, names in enumerate(each):
+        for name in names:
+            before = f"{sheets[number].dialect.path.stem}/" if name in shared else ""
             if (parse_name(name).meaning or ("",))[0] == "t":
-                found.append(f"file{number}/{name}" if number > 0 and name in found else name)
-            else:
-                found.append(f"{sheet.dialect.path.stem}/{name}" if name in shared else name)
+                before = f"file{number}/" if number > 0 and name in found else ""
+            found.append(before + name)
     return tuple(found)
 
 

@@ -8,7 +8,6 @@ rows of little-endian doubles, `N` a notice (JSON).
 
 import fcntl
 import importlib
-import itertools
 import json
 import os
 import shlex
@@ -27,6 +26,7 @@ from dynid.core import (
     JobError,
     RecordError,
     file_behind,
+    free_name,
     in_one_piece,
     parse_json,
     require_absent,
@@ -141,12 +141,6 @@ def _lock(file: int, path: Path) -> None:
         raise RecordError("another program is writing this recording", where=str(path)) from error
     except OSError:
         return
-
-
-def free_name(path: Path, before: str, behind: str = "") -> Path:
-    """A free name beside a file that must stay: the first free number between two texts."""
-    names = (path.with_name(f"{before}{number}{behind}") for number in itertools.count(1))
-    return next(name for name in names if not name.exists())
 
 
 KEY = b"dynid"

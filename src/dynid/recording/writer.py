@@ -16,13 +16,12 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, Finding, InputError, JobError, RecordError, require_absent
+from dynid.core import Array, Finding, InputError, JobError, RecordError, free_name, require_absent
 from dynid.recording.content import said
 from dynid.recording.record import RecordMetadata, check_quantities, metadata_to_json
 from dynid.recording.store import (
     MARK,
     create_partial,
-    free_name,
     pack,
     partial_path,
     read_partial,
@@ -209,8 +208,9 @@ class RecordWriter:
         self._raise_sync()
         record = recover(self._partial, finished=True)
         stands = self.path.exists() and (self._aborted or not self._force)
-        stopped = free_name(self.path, f"{self.path.stem}.aborted-", self.path.suffix)
-        target = stopped if stands else self.path
+        why = "aborted" if self._aborted else "new"
+        beside = free_name(self.path, f"{self.path.stem}.{why}-", self.path.suffix)
+        target = beside if stands else self.path
         write_record(record, target)
         self._partial.unlink(missing_ok=True)
         self.record_path, self._saved = target, record.samples

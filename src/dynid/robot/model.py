@@ -105,11 +105,13 @@ class SafetyLimits:
     """Largest linear momentum of the arm [kg.m/s]."""
     power: float = math.nan
     """Largest mechanical power of the arm [W]."""
+    payload: float = math.nan
+    """Rated payload: the largest mass at the flange [kg]."""
     elbow: int = 0
     """The joint at whose `urdf` frame the elbow is, counted from 1; 0 where there is none."""
 
     def __post_init__(self) -> None:
-        for name in ("tcp_speed", "elbow_speed", "momentum", "power"):
+        for name in ("tcp_speed", "elbow_speed", "momentum", "power", "payload"):
             value = getattr(self, name)
             if value <= 0 or math.isinf(value):
                 raise RobotError(f"the safety limit {name} must be positive", value=value)

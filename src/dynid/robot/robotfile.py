@@ -32,7 +32,7 @@ _SIDES = ("joint", "motor")
 _BODY_FRAMES = ("dh", "mdh", "urdf", "joint")
 _LIMITS = ("lower", "upper", "velocity", "acceleration", "torque")
 _CYLINDER = ("outer", "inner", "rest_length", "offset", "piston_area", "gas_work", "gas_volume")
-_SAFETY = ("tcp_speed", "elbow_speed", "momentum", "power")
+_SAFETY = ("tcp_speed", "elbow_speed", "momentum", "power", "payload")
 _STRONGEST = 30.0
 
 

@@ -2,6 +2,7 @@
 
 from dynid.settings.options import FINITE, Option, numbers, options_of
 from dynid.settings.verbs import (
+    LONGEST_S,
     DesignSettings,
     FleetSettings,
     IdentifySettings,
@@ -14,6 +15,7 @@ from dynid.settings.verbs import (
 
 __all__ = [
     "FINITE",
+    "LONGEST_S",
     "DesignSettings",
     "FleetSettings",
     "IdentifySettings",

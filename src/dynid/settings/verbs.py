@@ -1,7 +1,7 @@
 """The settings of the verbs."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import partial
 from pathlib import Path
@@ -123,7 +123,7 @@ class LimitSettings(SceneSettings):
         most=99,
     )
     clearance: float | None = option(
-        None, "M", "Smallest distance of bodies [m]. [default: 0.01]", least=0, most=1
+        None, "M", "Smallest distance of bodies [m]. [default: 0.01]", least=0.001, most=1
     )
 
 
@@ -136,10 +136,13 @@ HIGHEST_HZ = 1.0
 paper's 0.5 Hz lowers the torque error of ten seconds by 13 %, 1.4 Hz by 3 % more."""
 MOST_DEFAULT_HARMONICS = 12
 MOST_HARMONICS = 100
+LONGEST_S = 600.0
+"""Of a period, and of the motion that `--accuracy` may ask for: at 125 Hz the search takes a minute
+of CPU and 0.6 GB there, and a hundred harmonics reach 0.17 Hz alone."""
 POINTS_A_SECOND = 1.5
 """Rests of a point-to-point motion."""
 FOURIER = ("fourier", "modified-fourier", "fourier-quintic")
-POPULATION, GENERATIONS = 300, 5
+PERIOD_S, POPULATION, GENERATIONS = 10.0, 300, 5
 """The paper's."""
 
 
@@ -180,18 +183,20 @@ class DesignSettings(LimitSettings):
     trajectory: str = option("fourier", (*FOURIER, "bspline", "points"), "Kind of motion.")
     harmonics: int | None = option(None, "H", "Of the series. [default: up to 1 Hz; 5 for cond]")
     """A B-spline gets as many free numbers, `points` as many points; None: see `order`."""
-    period_s: float = option(10.0, "S", "Time of one period.", "--period", least=0.1, most=3600)
+    period_s: float = option(
+        PERIOD_S, "S", "Time of one period.", "--period", least=0.1, most=LONGEST_S
+    )
     rate_hz: float = 125.0
     """Samples a second at which criteria are computed."""
-    population: int = option(POPULATION, "N", "Of the genetic algorithm.")
-    generations: int = option(GENERATIONS, "N", "Of the genetic algorithm.")
+    population: int = option(POPULATION, "N", "Of the genetic algorithm.", least=4)
+    generations: int = option(GENERATIONS, "N", "Of the genetic algorithm.", least=1)
     """After the random one."""
     starts: int | None = option(
-        None, "N", "Of the gradient method. [default: 6; 4 for parameters; 12 for cond]"
+        None, "N", "Of the gradient method. [default: 6; 4 for parameters; 12 for cond]", least=1
     )
     """None for the default, or for as many as fit into the budget."""
     budget_s: float | None = option(
-        None, "S", "Time to search; the result then depends on the machine.", "--budget"
+        None, "S", "Time to search; the result then depends on the machine.", "--budget", least=0.01
     )
     seed: int = option(0, "N", "Seed of the random numbers.", least=0)
     frames: str = option("", ("dh", "mdh", "urdf"), "Frames of the parameters; default: its own.")
@@ -229,8 +234,10 @@ class DesignSettings(LimitSettings):
                 value=self.order,
                 limit=f"{least} to {MOST_HARMONICS}",
             )
-        if self.noise is not None and not all(one > 0 for one in self.noise):
-            raise InputError("must be positive", where="--noise", value=list(self.noise))
+        positive = {"--noise": self.noise or (), "--jobs": self.jobs, "rate_hz": self.rate_hz}
+        for name, value in positive.items():
+            if not all(one > 0 for one in (value if isinstance(value, Iterable) else (value,))):
+                raise InputError("must be positive", where=name, value=value, limit="above 0")
 
     @property
     def goal(self) -> str:
@@ -256,15 +263,26 @@ class DesignSettings(LimitSettings):
 
     @property
     def unused(self) -> tuple[str, ...]:
-        """Options that were given and that the method has no use for."""
+        """Options that were given and have no effect beside the others, each in a sentence."""
         genetic = self.method == "ga"
+        no_use = f"is not used by --method {self.method}"
+        task = self.minimised == "prediction" or self.accuracy_percent is not None
         given = {
-            "--population": not genetic and self.population != POPULATION,
-            "--generations": not genetic and self.generations != GENERATIONS,
-            "--starts": genetic and self.starts is not None,
-            "--dask": genetic and self.dask is not None,
+            f"--population {no_use}": not genetic and self.population != POPULATION,
+            f"--generations {no_use}": not genetic and self.generations != GENERATIONS,
+            f"--starts {no_use}": genetic and self.starts is not None,
+            f"--dask {no_use}": genetic and self.dask is not None,
+            "--period is only where the search begins: --accuracy decides the period": (
+                self.accuracy_percent is not None and self.period_s != PERIOD_S
+            ),
+            f"--motion does not change a motion for {self.minimised}, only its expected error": (
+                bool(self.motions) and not task
+            ),
+            f"--for is not used beside --criterion {self.criterion}": (
+                bool(self.purpose and self.criterion)
+            ),
         }
-        return tuple(name for name, wrongly in given.items() if wrongly)
+        return tuple(words for words, wrongly in given.items() if wrongly)
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
@@ -368,7 +386,7 @@ class IdentifySettings(Settings):
         "--for",
     )
     cutoff_hz: float | None = option(
-        None, "HZ", "Low-pass cut-off; default: from the data.", "--cutoff"
+        None, "HZ", "Low-pass cut-off; default: from the data.", "--cutoff", least=0.001
     )
     weighting: str = option(
         "joint", ("joint", "size"), "Noise variance of each joint, or of joints of one size."
@@ -421,7 +439,9 @@ class ImportOptions(Settings):
         "Drive gains [N.m/A], one a joint; default: those of the recording or the robot.",
         parse=numbers,
     )
-    rate_hz: float | None = option(None, "HZ", "The clock of a file without time stamps.", "--rate")
+    rate_hz: float | None = option(
+        None, "HZ", "The clock of a file without time stamps.", "--rate", least=1e-6, most=1e6
+    )
     degrees: bool = flag(False, "--degrees", "Angles without a unit are in degrees.")
     joint_order: tuple[str, ...] | None = option(
         None,
@@ -453,6 +473,8 @@ class FleetSettings(Settings):
         "DEGC",
         "Reference temperature of the trends. [default: median of each joint]",
         "--reference",
+        least=DEGC[0],
+        most=DEGC[1],
     )
     jobs: int = option(1, "N", "Processes on this machine.", least=1)
     dask: str | None = option(None, "ADDRESS", "A Dask scheduler, instead of --jobs.")

@@ -15,6 +15,7 @@ from dynid.workflow.design_files import (
     StoredDesign,
     check,
     export_motion,
+    judge_of,
     read_design,
     write_design,
 )
@@ -77,6 +78,7 @@ __all__ = [
     "identify_shared",
     "identify_temperature",
     "import_recording",
+    "judge_of",
     "open_records",
     "read_design",
     "report",

@@ -19,6 +19,7 @@ from dynid.core import (
     silent,
     told,
     write_json,
+    write_text,
 )
 from dynid.excitation import ExcitationDesign
 from dynid.experiment import stop_on_signals
@@ -122,6 +123,8 @@ STARTS = 2
 """Starts of the search for a motion; more would find a slightly better one."""
 
 
+UNFINISHED = "unfinished.txt"
+"""Stands in the folder of a demo until it has ended."""
 Records = dict[tuple[str, str], ExperimentRecord]
 """By thermal state and what they are recorded for."""
 
@@ -240,7 +243,7 @@ def run_demo(
     identify, validate on the other motion, compare cold with warm, write a report.
 
     `quick` is one repetition of the motions, and a shorter search for them; `force` replaces the
-    files of an earlier demo.
+    files of an earlier demo, as happens unasked to one that was interrupted.
 
     Raises:
         InputError: The directory cannot be made or written to, or holds such files.
@@ -255,7 +258,11 @@ def run_demo(
     if not str(directory).strip():
         raise InputError("the directory has no name", where="-o")
     folder = make_folder(directory)
-    require_absent(*(folder / name for name in _names()), force=force)
+    unfinished = folder / UNFINISHED
+    require_absent(*(folder / name for name in _names()), force=force or unfinished.exists())
+    write_text(
+        unfinished, "The demo that wrote these files has not ended: the next replaces them.\n"
+    )
     robot = load_robot(ROBOT)
     motion, records, files = _make_recordings(
         folder, quick, lambda what, share: tell(what, 0.7 * share)
@@ -289,6 +296,7 @@ def run_demo(
         wall_s=time.perf_counter() - started,
     )
     write_json(folder / "demo.json", demo.to_json())
+    unfinished.unlink(missing_ok=True)
     return demo
 
 

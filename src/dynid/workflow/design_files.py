@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.constraints import Certificate, certify
+from dynid.constraints import Certificate, MotionConstraints, Unjudged, certify
 from dynid.core import (
     InputError,
     JsonFields,
@@ -24,7 +24,7 @@ from dynid.core import (
 )
 from dynid.excitation import ExcitationDesign
 from dynid.robot import RobotLike, RobotModel, Tool, load_robot, robot_to_json
-from dynid.settings import LimitSettings
+from dynid.settings import LimitSettings, SceneSettings
 from dynid.signals import process
 from dynid.trajectory import (
     LANGUAGES,
@@ -286,6 +286,34 @@ def _mount(facts: dict[str, Any]) -> str | None:
     return mount if isinstance(mount, str) and mount != "file" else None
 
 
+def judge_of(design: StoredDesign, asked: SceneSettings) -> tuple[DesignLimits, MotionConstraints]:
+    """What a design is held to, and the judge of it.
+
+    Limits that were edited in the file hold where they are stricter than the usual ones. Without
+    the scene of the certificate, or one that is asked for, the environment is unjudged.
+
+    Raises:
+        InputError: A scene that makes no sense, or one that would not be looked at.
+    """
+    base, usual = design.limits, DesignLimits()
+    moved = base is not None and "scene" in design.changed
+    if base is not None and "limits" in design.changed:
+        margin = max(base.margin_percent, usual.margin_percent)
+        base = replace(base, margin_percent=margin, clearance=max(base.clearance, usual.clearance))
+    if base is not None and moved:
+        base = replace(base, floor=usual.floor)
+    held = given_limits(asked, base)
+    judge = held.constraints(design.robot)
+    if moved and asked.scene is None and judge.settings.self_collision:
+        lost = Unjudged(
+            kind="environment",
+            message="the scene was edited since the motion was certified",
+            next_step='Pass the scene: --scene SCENE.json ({"shapes": []} for an empty one).',
+        )
+        judge.unjudged = (*judge.unjudged, lost)
+    return held, judge
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
     """The verdict on one file."""
@@ -342,8 +370,8 @@ def check(
     asked = replace(settings or LimitSettings(), **more)
     with design_file(design, robot) as path:
         stored = read_design(path, robot=robot, mount=asked.mount, mesh_dirs=asked.mesh_dirs)
-    held = given_limits(asked, stored.limits)
-    found = certify(stored.stored.trajectory, held.constraints(stored.robot))
+    held, judge = judge_of(stored, asked)
+    found = certify(stored.stored.trajectory, judge)
     certificate = replace(found, notes=(*unit_notes(stored.robot), *found.notes))
     return Check(design=stored, limits=held, certificate=certificate)
 

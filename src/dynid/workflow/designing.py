@@ -46,7 +46,7 @@ from dynid.excitation import (
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
 from dynid.robot import RobotLike, RobotModel, load_robot
-from dynid.settings import DesignSettings
+from dynid.settings import LONGEST_S, DesignSettings
 from dynid.signals import process
 from dynid.trajectory import motion_family
 from dynid.workflow.analyze import unit_notes
@@ -63,8 +63,6 @@ PATIENCE = 60
 """Starts without a better motion that end a search with a budget."""
 PAPER = ("cond", "cond+sigma")
 """Criteria of rows as they are, not over the noise of their joint."""
-LONGEST_S = 600.0
-"""Robot time that `--accuracy` may ask for."""
 SHORTEST_S = 4.0
 """Period below which `--accuracy` does not go: ramps would take most of it."""
 TRIES = 3

@@ -69,6 +69,7 @@ from dynid.workflow.design_files import (
     StoredDesign,
     TrajectoryLike,
     design_file,
+    judge_of,
     open_trajectory,
     read_design,
 )
@@ -317,7 +318,7 @@ def _made_ready(
         InputError: A design that must not run, or nobody agrees.
         JobError: The robot is not ready, or has moved since it was checked.
     """
-    constraints = given_limits(asked, loaded.limits).constraints(loaded.robot)
+    _, constraints = judge_of(loaded, asked)
     certificate = check_design(plan, constraints, asked.accept_unjudged)
     approach = plan_approach(state.q, plan.start, constraints)
     checks = check_robot(plan, state, approach)
@@ -350,8 +351,10 @@ def _made_ready(
 
 def _host(on: str) -> str:
     scheme, found, host = on.partition("://")
-    if (scheme, found) != ("ur", "://") or not host or "/" in host:
-        raise InputError("unknown robot to run on", where="--on", value=on, limit="sim, ur://HOST")
+    # An IPv6 address has several colons.
+    if (scheme, found) != ("ur", "://") or not host or "/" in host or host.count(":") == 1:
+        limit = "sim, ur://HOST (a name or an address, no port: UR's ports are fixed)"
+        raise InputError("unknown robot to run on", where="--on", value=on, limit=limit)
     return host
 
 
