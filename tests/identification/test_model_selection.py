@@ -28,7 +28,6 @@ from dynid.identification import (
     read_estimate,
     write_estimate,
 )
-from dynid.identification.selection import NormalEquations, find_regions, gram_blocks
 from dynid.identification.selection.columns import (
     DISPLACEMENTS,
     LEVER,
@@ -37,8 +36,14 @@ from dynid.identification.selection.columns import (
     JointChoice,
     chosen_friction,
 )
-from dynid.identification.selection.gram import left_out_values, shared_picks, signed_solutions
-from dynid.identification.selection.regions import moving_rows
+from dynid.identification.selection.gram import (
+    NormalEquations,
+    gram_blocks,
+    left_out_values,
+    shared_picks,
+    signed_solutions,
+)
+from dynid.identification.selection.regions import find_regions, moving_rows
 from dynid.identification.selection.scoring import gain_of
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel

@@ -1,7 +1,5 @@
 """`dynid`: the commands, and the one place where an error becomes an exit code."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated

@@ -9,26 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from dynid.cli.options import (
-    DesignArgument,
-    ForceFlag,
-    Interrupted,
-    JobsOption,
-    JsonFlag,
-    RobotArgument,
-    command,
-    flag,
-    option,
-)
-from dynid.cli.output import (
-    check_output,
-    console,
-    count,
-    number,
-    print_json,
-    print_table,
-    progress_bar,
-)
+from dynid.cli import options as ask
+from dynid.cli import output as show
 from dynid.core import InputError
 from dynid.settings import DesignSettings, LimitSettings
 
@@ -52,12 +34,12 @@ def _print_certificate(screen: Console, data: Mapping[str, Any]) -> None:
                 kind.replace("_", " "),
                 left,
                 f"{1000 * least:.3g} mm" if key.endswith("_m") else f"{100 * least:.3g} %",
-                number(worst["limit"]),
+                show.number(worst["limit"]),
                 "-" if time is None else f"{time:.2f}",
                 str(worst.get("joint") or worst.get("bodies") or ""),
             )
         )
-    print_table(
+    show.print_table(
         screen,
         "Remaining margin of each limit",
         ("limit", "left", "asked", "limit [SI]", "at [s]", "where"),
@@ -70,55 +52,57 @@ def _print_certificate(screen: Console, data: Mapping[str, Any]) -> None:
         screen.print(f"- {note}.")
 
 
-@command(
+@ask.command(
     "dynid design ur5 -o design.json",
     "dynid design ur5 -o design.json --accuracy 3 --noise 2,2.5,1.5,0.4,0.4,0.3",
     "dynid design arm.urdf -o design.json --scene cell.json --motion task.parquet",
     "dynid design ur5 -o paper.json --limits paper --method ga",
 )
 def design_command(
-    robot: RobotArgument,
-    output: Annotated[Path, option("DESIGN.json", "Where the design goes.", "-o", "--output")],
+    robot: ask.RobotArgument,
+    output: Annotated[Path, ask.option("DESIGN.json", "Where the design goes.", "-o", "--output")],
     settings: DesignSettings,
     accept_weak: Annotated[
-        bool, flag("--accept-weak", "Exit 0 even if the motion excites too little.")
+        bool, ask.flag("--accept-weak", "Exit 0 even if the motion excites too little.")
     ] = False,
-    jobs: JobsOption = 2,
-    csv: Annotated[Path | None, option("FILE", "Also write the motion as CSV.")] = None,
-    urscript: Annotated[Path | None, option("FILE", "Also write a URScript program.")] = None,
-    ros: Annotated[Path | None, option("FILE", "Also write a ROS JointTrajectory (YAML).")] = None,
-    movej: Annotated[Path | None, option("FILE", "Points as URScript movej.")] = None,
-    waypoints: Annotated[Path | None, option("FILE", "Points and times as CSV.")] = None,
-    krl: Annotated[Path | None, option("FILE", "Points as KUKA KRL.")] = None,
-    rapid: Annotated[Path | None, option("FILE", "Points as ABB RAPID.")] = None,
-    force: ForceFlag = False,
-    json: JsonFlag = False,
+    jobs: ask.JobsOption = 2,
+    csv: Annotated[Path | None, ask.option("FILE", "Also write the motion as CSV.")] = None,
+    urscript: Annotated[Path | None, ask.option("FILE", "Also write a URScript program.")] = None,
+    ros: Annotated[
+        Path | None, ask.option("FILE", "Also write a ROS JointTrajectory (YAML).")
+    ] = None,
+    movej: Annotated[Path | None, ask.option("FILE", "Points as URScript movej.")] = None,
+    waypoints: Annotated[Path | None, ask.option("FILE", "Points and times as CSV.")] = None,
+    krl: Annotated[Path | None, ask.option("FILE", "Points as KUKA KRL.")] = None,
+    rapid: Annotated[Path | None, ask.option("FILE", "Points as ABB RAPID.")] = None,
+    force: ask.ForceFlag = False,
+    json: ask.JsonFlag = False,
 ) -> int:
     """Optimal excitation trajectory, certified (paper 2.2)."""
     from dynid.workflow import design, export_motion
 
     sources = (*settings.motions, *settings.previous, *filter(None, [settings.scene]))
     inputs = list(map(Path, sources))
-    check_output(output, inputs=inputs, suffix=".json", force=force)
+    show.check_output(output, inputs=inputs, suffix=".json", force=force)
     exports = {"csv": csv, "urscript": urscript, "ros": ros}
     exports |= {"movej": movej, "waypoints": waypoints, "krl": krl, "rapid": rapid}
     asked = {kind: path for kind, path in exports.items() if path is not None}
     for kind, path in asked.items():
-        check_output(path, inputs=inputs, where=f"--{kind}", force=force)
+        show.check_output(path, inputs=inputs, where=f"--{kind}", force=force)
     _check_apart({"-o": output, **{f"--{kind}": path for kind, path in asked.items()}})
     settings = replace(settings, jobs=jobs)
-    with progress_bar("design") as progress:
+    with show.progress_bar("design") as progress:
         found = design(robot, settings, output=output, progress=progress)
     for kind, path in asked.items():
         export_motion(found, kind, path)
     if json:
-        print_json(found.to_json())
+        show.print_json(found.to_json())
     else:
         _show_design(found.to_json(), output, found.certificate.headline)
     for name in settings.unused:
         print(f"dynid: {name} is not used by --method {settings.method}", file=sys.stderr)
     if found.interrupted:
-        raise Interrupted(f"interrupted; the best design so far is in {output}")
+        raise ask.Interrupted(f"interrupted; the best design so far is in {output}")
     if not found.feasible:
         state = found.certificate.headline
         print(f"dynid: {output} is {state}. Do not run it.", file=sys.stderr)
@@ -140,28 +124,29 @@ def _check_apart(paths: Mapping[str, Path]) -> None:
 
 
 def _show_design(data: Mapping[str, Any], output: Path, verdict: str) -> None:
-    screen = console()
+    screen = show.console()
     state = ", interrupted: the best so far" if data["interrupted"] else ""
     runs = f"{data['repetitions']} x " if data["repetitions"] > 1 else ""
     screen.print(
-        f"{data['robot']}: expected torque error {number(data['predicted_torque_error_percent'])} %"
-        f" from {runs}{data['duration_s']:g} s of motion, {verdict}{state}",
+        f"{data['robot']}: expected torque error "
+        f"{show.number(data['predicted_torque_error_percent'])} % from {runs}"
+        f"{data['duration_s']:g} s of motion, {verdict}{state}",
         style="bold",
     )
     screen.print(
         f"for {data['for']} on {data['purpose_motions']}, by torque noise alone; largest standard "
-        f"deviation of a parameter {number(data['largest_parameter_std'])}"
+        f"deviation of a parameter {show.number(data['largest_parameter_std'])}"
     )
     screen.print(
-        f"condition number {number(data['condition_number'])}, scaled columns "
-        f"{number(data['scaled_condition_number'])}, log det "
-        f"{number(data['log_det'])}; {data['base_parameters']} base parameters, "
+        f"condition number {show.number(data['condition_number'])}, scaled columns "
+        f"{show.number(data['scaled_condition_number'])}, log det "
+        f"{show.number(data['log_det'])}; {data['base_parameters']} base parameters, "
         f"{data['samples']} samples, {data['frames']} frames"
     )
     screen.print(
         f"{data['method']}, {data['criterion']}: {data['evaluations']} motions in "
         f"{data['wall_s']:.1f} s, "
-        f"{count(data['starts'], 'generation' if data['method'] == 'ga' else 'start')}, "
+        f"{show.count(data['starts'], 'generation' if data['method'] == 'ga' else 'start')}, "
         f"ended by {data['ended_by']}"
     )
     if data["repair"]:
@@ -172,15 +157,17 @@ def _show_design(data: Mapping[str, Any], output: Path, verdict: str) -> None:
     screen.print(f"written to {output}; show it again with: dynid check {again}", soft_wrap=True)
 
 
-@command(
+@ask.command(
     "dynid check design.json",
     "dynid check design.json --scene cell.json --json",
 )
 def check_command(
-    design: DesignArgument,
+    design: ask.DesignArgument,
     settings: LimitSettings,
-    robot: Annotated[str | None, option("ROBOT", "If the design's robot file has moved.")] = None,
-    json: JsonFlag = False,
+    robot: Annotated[
+        str | None, ask.option("ROBOT", "If the design's robot file has moved.")
+    ] = None,
+    json: ask.JsonFlag = False,
 ) -> int:
     """Certify limits and collisions, also between samples."""
     from dynid.workflow import check
@@ -188,9 +175,9 @@ def check_command(
     result = check(design, settings, robot=robot)
     data = result.to_json()
     if json:
-        print_json(data)
+        show.print_json(data)
         return 0 if result.feasible else 1
-    screen, verdict = console(), result.certificate.headline
+    screen, verdict = show.console(), result.certificate.headline
     screen.print(f"{data['robot']}, {data['duration_s']:g} s: {verdict}", style="bold")
     if (said := result.design.describe_digest()) is not None:
         screen.print(f"{said}; certified anew")

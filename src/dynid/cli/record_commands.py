@@ -1,76 +1,59 @@
 """Commands about recordings: `dynid run`, `dynid import`, `dynid controller`."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from dynid.cli.options import (
-    DesignArgument,
-    ForceFlag,
-    JsonFlag,
-    RecordOutput,
-    argument,
-    command,
-    flag,
-    option,
-)
-from dynid.cli.output import (
-    check_output,
-    console,
-    count,
-    number,
-    print_json,
-    print_notices,
-    progress_bar,
-)
+from dynid.cli import options as ask
+from dynid.cli import output as show
 from dynid.core import InputError, MissingExtraError
 from dynid.settings import ImportOptions, RunSettings
 
 
-@command(
+@ask.command(
     "dynid run design.json --on sim -o run.parquet",
     "dynid run design.json --on sim -o warm.parquet --thermal warm --seed 1",
     "dynid run design.json --on sim -o run.parquet --until 2",
     "dynid run design.json --on ur://192.168.0.10 -o run.parquet --slow 0.2",
 )
 def run_command(
-    design: DesignArgument,
-    output: RecordOutput,
+    design: ask.DesignArgument,
+    output: ask.RecordOutput,
     settings: RunSettings,
-    on: Annotated[str, option("sim|ur://HOST", "The robot that executes it.")] = "sim",
-    yes: Annotated[bool, flag("--yes", "Move without confirmation.")] = False,
+    on: Annotated[str, ask.option("sim|ur://HOST", "The robot that executes it.")] = "sim",
+    yes: Annotated[bool, ask.flag("--yes", "Move without confirmation.")] = False,
     until: Annotated[
         float | None,
-        option("PERCENT", "Design, run and identify in turn, until this torque error is reached."),
+        ask.option(
+            "PERCENT", "Design, run and identify in turn, until this torque error is reached."
+        ),
     ] = None,
-    json: JsonFlag = False,
+    json: ask.JsonFlag = False,
 ) -> None:
     """Execute a design and record it (paper 2.2, 3)."""
     from dynid.experiment import stop_on_signals
     from dynid.workflow import run_design, run_until
 
     confirm = None if yes else _ask
-    check_output(output, inputs=[design], suffix=".parquet")
-    with stop_on_signals() as cancel, progress_bar("run") as progress:
+    show.check_output(output, inputs=[design], suffix=".parquet")
+    with stop_on_signals() as cancel, show.progress_bar("run") as progress:
         given: dict[str, Any] = {"on": on, "settings": settings, "confirm": confirm}
         given |= {"cancel": cancel, "progress": progress}
         if until is not None:
             rounds = run_until(design, output, until, **given)
             if json:
-                print_json(rounds.to_json())
+                show.print_json(rounds.to_json())
             else:
-                console().print(rounds.describe(), soft_wrap=True)
+                show.console().print(rounds.describe(), soft_wrap=True)
             rounds.raise_if_missed()
             return
         result = run_design(design, output, **given)
     if (said := result.design.describe_digest()) is not None and result.design.changed:
         print(f"dynid: {design}: {said}", file=sys.stderr)
     if json:
-        print_json(result.to_json())
+        show.print_json(result.to_json())
     elif result.abort is None:
         outcome = result.result.outcome
         parts = zip(
@@ -78,8 +61,8 @@ def run_command(
             ("sample", "whole period", "gap"),
             strict=True,
         )
-        console().print(", ".join(count(number, noun) for number, noun in parts))
-        console().print(f"Recording: {result.record}", soft_wrap=True)
+        show.console().print(", ".join(show.count(many, noun) for many, noun in parts))
+        show.console().print(f"Recording: {result.record}", soft_wrap=True)
     result.raise_if_aborted()
 
 
@@ -95,48 +78,48 @@ def _ask(what: str, word: str) -> None:
         raise InputError(
             "the motion needs confirmation, and there is no terminal", next_step="Pass --yes."
         )
-    console(stderr=True).print(what)
+    show.console(stderr=True).print(what)
     with interruptible():
         typed = typer.prompt(f"Type {word} to move the robot", default="", err=True)
     if typed.strip() != word:
         raise InputError("the motion was not confirmed", value=typed.strip(), limit=word)
 
 
-@command(
+@ask.command(
     "dynid import run.csv --robot ur5 -o run.parquet",
     "dynid import log.txt --columns t=0,q=1:7,current=7:13 --robot ur5 -o log.parquet",
     "dynid import bag.db3 --robot ur10 -o bag.parquet",
 )
 def import_command(
     files: Annotated[
-        list[Path], argument("FILE", "One recording, or text files to be joined by columns.")
+        list[Path], ask.argument("FILE", "One recording, or text files to be joined by columns.")
     ],
-    output: RecordOutput,
+    output: ask.RecordOutput,
     settings: ImportOptions,
-    robot: Annotated[str | None, option("ROBOT", "Built-in name, URDF or robot file.")] = None,
-    force: ForceFlag = False,
-    json: JsonFlag = False,
+    robot: Annotated[str | None, ask.option("ROBOT", "Built-in name, URDF or robot file.")] = None,
+    force: ask.ForceFlag = False,
+    json: ask.JsonFlag = False,
 ) -> None:
     """Convert a recording: checked and repaired."""
     from dynid.workflow import import_recording
 
-    check_output(output, inputs=files, suffix=".parquet", force=force)
+    show.check_output(output, inputs=files, suffix=".parquet", force=force)
     imported = import_recording(files, output, robot=robot, options=settings, force=force)
-    data, screen = imported.to_json(), console()
+    data, screen = imported.to_json(), show.console()
     if json:
-        print_json(data)
+        show.print_json(data)
         return
     screen.print(f"{data['record']}: {data['samples']} samples", style="bold")
     screen.print(
-        f"{number(data['duration_s'])} s at {number(data['rate_hz'])} Hz, {data['joints']} joints, "
-        f"read as {data['format']}, robot {data['robot'] or 'not given'}"
+        f"{show.number(data['duration_s'])} s at {show.number(data['rate_hz'])} Hz, "
+        f"{data['joints']} joints, read as {data['format']}, robot {data['robot'] or 'not given'}"
     )
     screen.print(f"signals: {', '.join(data['signals'])}")
     if data["dropped_rows"]:
         screen.print(f"dropped rows: {data['dropped_rows']}")
     if data["notes"]:
         screen.print(f"notes: {data['notes']}")
-    print_notices(screen, "Problems found", data["findings"])
+    show.print_notices(screen, "Problems found", data["findings"])
     if not data["problems"]:
         screen.print("no problems found")
     for need in data["needs"]:
