@@ -1,6 +1,5 @@
 """Recordings as callers give them: objects, files of any format, folders, and files of hours."""
 
-import math
 import os
 import shlex
 from collections.abc import Sequence
@@ -12,7 +11,7 @@ from dynid.core import InputError, RecordError, like_named
 from dynid.recording.content import changed
 from dynid.recording.formats import content_kind
 from dynid.recording.reading import read_record, read_recording
-from dynid.recording.record import ExperimentRecord
+from dynid.recording.record import ExperimentRecord, with_gains
 from dynid.recording.stored import LONG, AnyRecording, StoredRecording, open_stored, stored_rows
 from dynid.robot import RobotModel
 
@@ -40,8 +39,8 @@ def open_record(
         gains: (n) drive gains [N.m/A]; they override those of the recording and of the robot.
 
     Raises:
-        RecordError: Not a recording, or not one of this robot.
-        InputError: Gains that do not fit the robot.
+        RecordError: Not a recording, not one of this robot, or gains that do not fit it.
+        InputError: No recording and no path.
     """
     if isinstance(record, ExperimentRecord):
         found = record
@@ -57,7 +56,9 @@ def open_record(
             command = f"dynid import {shlex.quote(str(record))} --robot ROBOT -o RECORD.parquet"
             step = f"{error.next_step} (Options for reading a file: {command})"
             raise changed(error, next_step=step) from error
-    return found if gains is None else _with_gains(found, robot, gains)
+    if gains is None:
+        return found
+    return replace(found, metadata=with_gains(found.metadata, robot.joints, gains))
 
 
 def as_list(records: One | Sequence[One]) -> list[One]:
@@ -90,25 +91,6 @@ def open_any(
         else:
             found.append(open_record(record, robot, gains))
     return found
-
-
-def _with_gains(
-    record: ExperimentRecord, robot: RobotModel, gains: Sequence[float]
-) -> ExperimentRecord:
-    """The recording with (n) drive gains of its own [N.m/A].
-
-    Raises:
-        InputError: Not one finite gain a joint, other than zero.
-    """
-    values = tuple(float(gain) for gain in gains)
-    if len(values) != robot.joints or not all(math.isfinite(gain) and gain for gain in values):
-        raise InputError(
-            "one drive gain a joint is needed, finite and not zero [N.m/A]",
-            where="--gains",
-            value=",".join(f"{gain:g}" for gain in values),
-            limit=f"{robot.joints} joints",
-        )
-    return replace(record, metadata=replace(record.metadata, drive_gains=values))
 
 
 def remembered_robot(path: str | Path) -> str | None:

@@ -15,7 +15,7 @@ from dynid.recording.formats import FORMATS, content_kind, unpacked
 from dynid.recording.isolation import read_isolated, serve
 from dynid.recording.jointstates import bag_files, read_bag
 from dynid.recording.matlab import read_mat
-from dynid.recording.record import ExperimentRecord
+from dynid.recording.record import ExperimentRecord, with_gains
 from dynid.recording.repair.pipeline import RepairSettings, repair
 from dynid.recording.sheets import are_one_run
 from dynid.recording.store import fitted, partial_path, read_own
@@ -153,7 +153,6 @@ def read_recording(
     """
     given = _given_files(paths)
     robot = None if robot is None else load_robot(robot)
-    known = _gains(gains)
     if rate_hz is not None and not 0 < rate_hz < MAX_RATE_HZ:
         raise RecordError(
             "the rate must be positive and finite",
@@ -163,7 +162,6 @@ def read_recording(
         )
     settings = RepairSettings(
         robot=robot,
-        gains=known,
         rate_hz=rate_hz,
         degrees=degrees,
         joint_order=tuple(joint_order) if joint_order is not None else None,
@@ -185,12 +183,13 @@ def read_recording(
                 where=given[0].name,
             )
         with located(given[0].name):
-            return fitted(table, robot, known)
-    record = repair(table, settings)
-    metadata = replace(
-        record.metadata, origin=", ".join(str(file) for file in given), input_hash=_hash(given)
-    )
-    return replace(record, metadata=metadata)
+            record = fitted(table, robot)
+    else:
+        record = repair(table, settings)
+        origin = ", ".join(str(file) for file in given)
+        metadata = replace(record.metadata, origin=origin, input_hash=_hash(given))
+        record = replace(record, metadata=metadata)
+    return replace(record, metadata=with_gains(record.metadata, record.joints, gains))
 
 
 def serve_requests() -> None:
@@ -273,15 +272,6 @@ def _format(files: list[Path], wanted: str) -> str:
             next_step="Leave --format out to go by the content.",
         )
     return wanted
-
-
-def _gains(gains: Sequence[float] | None) -> tuple[float, ...] | None:
-    if gains is None:
-        return None
-    try:
-        return tuple(float(gain) for gain in gains)
-    except (TypeError, ValueError) as error:
-        raise RecordError("drive gains must be numbers", value=gains) from error
 
 
 def _hash(files: list[Path]) -> str:
