@@ -101,8 +101,7 @@ class Fleet:
             "false_alarm_rate": self.settings.false_alarms,
             "tests": self.tests,
             "files": [str(self.output / name) for name in (TABLE, PAGE, STATE, METRICS)],
-            "warnings": told(self.findings),
-            "findings": [finding.to_json() for finding in self.findings],
+            **told(self.findings),
         }
 
 

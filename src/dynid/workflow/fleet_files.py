@@ -5,14 +5,12 @@ import importlib
 import io
 import json
 import re
-import zlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path, PurePath, PurePosixPath
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from threadpoolctl import ThreadpoolController  # pyright: ignore[reportMissingTypeStubs]
@@ -29,7 +27,9 @@ from dynid.core import (
     in_one_piece,
     like_named,
     make_folder,
+    read_arrays,
     scipy_part,
+    write_arrays,
     write_text,
 )
 from dynid.identification import (
@@ -306,39 +306,22 @@ def _manifest(path: Path) -> Manifest:
 
 def _cached(path: Path, model: str | None, terms: str) -> _Contribution | None:
     """What is cached, if it is of the same model and terms; None else, or where damaged."""
-    if not path.is_file():
-        return None
+    stored = read_arrays(path)
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
-            facts: dict[str, str] = json.loads(str(stored["facts"]))
-            if facts["key"] != _key(model or facts["model"], terms):
-                return None
-            return _Contribution(
-                statistics=RecordStatistics(
-                    factors=stored["factors"],
-                    scores=stored["scores"],
-                    samples=int(stored["samples"]),
-                    speed=stored["speed"],
-                ),
-                temperature_degC=stored["temperature_degC"],
-                facts=facts,
-            )
-    # A cache that is damaged, or whose robot file has gone, is computed again.
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error, DynidError):
+        facts: dict[str, str] = json.loads(str(stored.pop("facts")))
+        if facts["key"] != _key(model or facts["model"], terms):
+            return None
+        temperature, samples = stored.pop("temperature_degC"), int(stored.pop("samples"))
+        statistics = RecordStatistics(**stored, samples=samples)
+    # What another version cached, or whose robot file has gone, is computed again.
+    except (KeyError, TypeError, ValueError, DynidError):
         return None
+    return _Contribution(statistics=statistics, temperature_degC=temperature, facts=facts)
 
 
 def _keep(path: Path, known: _Contribution) -> None:
-    values: dict[str, Any] = {
-        "factors": known.statistics.factors,
-        "scores": known.statistics.scores,
-        "samples": np.array(known.statistics.samples),
-        "speed": known.statistics.speed,
-        "temperature_degC": known.temperature_degC,
-        "facts": np.array(json.dumps(dict(known.facts))),
-    }
-    with in_one_piece(path) as draft, draft.open("wb") as stream:
-        np.savez_compressed(stream, **values)
+    more = {"temperature_degC": known.temperature_degC, "facts": json.dumps(dict(known.facts))}
+    write_arrays(path, {**asdict(known.statistics), **more})
 
 
 STATE, METRICS = "state.csv", "state.prom"
