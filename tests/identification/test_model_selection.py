@@ -259,12 +259,14 @@ def test_an_estimate_carries_left_out_errors_models_and_intervals(tmp_path: Path
 
 
 def test_the_order_of_recordings_changes_nothing() -> None:
+    """The same bits: what is computed twice from the same input is the same."""
     runs = [recording(seed, seconds=8.0) for seed in (1, 2)]
     one, other = (
         identify(order, ur5(), IdentifySettings(terms=FrictionTerms(), cutoff_hz=10.0)).estimate
         for order in (runs, runs[::-1])
     )
     np.testing.assert_array_equal(one.values, other.values)
+    np.testing.assert_array_equal(one.covariance, other.covariance)
     assert one.settings == other.settings
     assert one.motion_condition_number == other.motion_condition_number
 
