@@ -9,6 +9,7 @@ from chains_for_constraints import random_arm
 from numpy.typing import ArrayLike
 
 from dynid.constraints import (
+    RATIOS,
     ConstraintSettings,
     MotionConstraints,
     certify,
@@ -207,6 +208,30 @@ def test_one_broken_limit_is_named(kind: str) -> None:
         assert after.broken == (kind,)
         assert not after.feasible
         assert after.to_json()["margins"][kind] < 0
+
+
+@pytest.mark.parametrize("free", [0.0, 0.25])
+def test_limits_and_values_are_those_of_the_robot_whatever_is_kept_free(free: float) -> None:
+    robot = random_arm(4, 5)
+    judge = safe_constraints(robot, collision=False, margin=free)
+    q, dq, ddq = (0.3 * np.random.default_rng(0).standard_normal((20, 4)) for _ in range(3))
+    worst = judge.usage(q, dq, ddq, t=0.1 * np.arange(20)).worst
+    names, limits, safety = list(robot.joint_names), robot.limits, robot.safety
+    for kind, values in (("velocity", dq), ("acceleration", ddq)):
+        item = worst[kind]
+        j, k = names.index(item.what), round(10 * item.t)
+        assert item.limit == pytest.approx(getattr(limits, kind)[j], rel=1e-12)
+        assert item.value == values[k, j]
+    assert worst["torque"].limit == pytest.approx(
+        limits.torque[names.index(worst["torque"].what)], rel=1e-12
+    )
+    for kind in ("tcp_speed", "elbow_speed", "momentum", "power"):
+        assert worst[kind].limit == pytest.approx(getattr(safety, kind), rel=1e-12)
+    for kind in RATIOS:
+        item = worst[kind]
+        assert item.required == (0.0 if kind in ("position", "acceleration") else free)
+        if kind != "position":
+            assert item.margin == pytest.approx(1 - abs(item.value) / item.limit, abs=1e-12)
 
 
 def test_a_motion_exactly_on_its_limits_passes() -> None:

@@ -1,9 +1,10 @@
 """Bounds over all time, against motions looked at far more finely, and against hidden spikes."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from dynid.constraints import certify, paper_constraints, safe_constraints
 from dynid.constraints.extremes import dense_times, extremes, least_value
@@ -13,6 +14,7 @@ from dynid.trajectory import (
     BSpline,
     FourierQuintic,
     FourierSeries,
+    JointMotion,
     MotionSequence,
     Quintic,
     Repetition,
@@ -80,6 +82,47 @@ def test_bounds_hold_and_are_tight(kind: str, seed: int) -> None:
         most = np.abs(values).max(axis=0)
         assert (bound >= most * (1 - ROUNDING)).all()
         assert (bound <= most * (1 + LOOSE)).all()
+
+
+@dataclass(frozen=True, slots=True)
+class Foreign(Trajectory):
+    """A motion of which nothing but samples are known."""
+
+    hidden: Trajectory
+
+    @property
+    def duration(self) -> float:
+        return self.hidden.duration
+
+    @property
+    def joints(self) -> int:
+        return self.hidden.joints
+
+    def evaluate(self, t: ArrayLike) -> JointMotion:
+        return self.hidden.evaluate(t)
+
+
+@pytest.mark.parametrize("kind", ["fourier", "bspline"])
+def test_bounds_of_samples_alone_hold_are_not_proven_and_leave_little_room(kind: str) -> None:
+    motion = Foreign(motions(0)[kind])
+    found = extremes(motion)
+    assert not found.proven
+    count = FINE // 10
+    dense = motion.evaluate(np.linspace(0.0, motion.duration, count))
+    step = motion.duration / (len(dense_times(motion)) - 1)
+    jerk = np.abs(np.diff(dense.ddq, axis=0)).max(axis=0) * (count - 1) / motion.duration
+    # Twice what neighbouring samples show may happen within half a step of them.
+    most = np.abs(dense.ddq).max(axis=0)
+    assert (found.acceleration >= most).all()
+    assert (found.acceleration <= most + 1.001 * jerk * step).all()
+    rooms = (
+        (found.velocity, np.abs(dense.dq).max(axis=0), 2 * jerk * step**2 / 8),
+        (found.upper, dense.q.max(axis=0), found.acceleration * step**2 / 8),
+        (-found.lower, -dense.q.min(axis=0), found.acceleration * step**2 / 8),
+    )
+    for bound, true, room in rooms:
+        assert (bound >= true).all()
+        assert (bound <= true + 1.001 * room + ROUNDING).all()
 
 
 def test_a_spike_between_milliseconds_is_seen() -> None:

@@ -136,12 +136,6 @@ def test_an_arm_that_stands_still_is_refused() -> None:
         identify([motionless], ur5())
 
 
-def test_same_input_same_bits() -> None:
-    first, second = identified().estimate, identify([recording(0)], ur5()).estimate
-    np.testing.assert_array_equal(first.values, second.values)
-    np.testing.assert_array_equal(first.covariance, second.covariance)
-
-
 def test_a_joint_that_stands_still_takes_nothing_from_the_others() -> None:
     record = recording(3, seconds=20.0, period=20.0)
     q = record.signals["q"].copy()

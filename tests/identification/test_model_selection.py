@@ -28,7 +28,6 @@ from dynid.identification import (
     read_estimate,
     write_estimate,
 )
-from dynid.identification.selection import NormalEquations, find_regions, gram_blocks
 from dynid.identification.selection.columns import (
     DISPLACEMENTS,
     LEVER,
@@ -37,8 +36,14 @@ from dynid.identification.selection.columns import (
     JointChoice,
     chosen_friction,
 )
-from dynid.identification.selection.gram import left_out_values, shared_picks, signed_solutions
-from dynid.identification.selection.regions import moving_rows
+from dynid.identification.selection.gram import (
+    NormalEquations,
+    gram_blocks,
+    left_out_values,
+    shared_picks,
+    signed_solutions,
+)
+from dynid.identification.selection.regions import find_regions, moving_rows
 from dynid.identification.selection.scoring import gain_of
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel
@@ -254,12 +259,14 @@ def test_an_estimate_carries_left_out_errors_models_and_intervals(tmp_path: Path
 
 
 def test_the_order_of_recordings_changes_nothing() -> None:
+    """The same bits: what is computed twice from the same input is the same."""
     runs = [recording(seed, seconds=8.0) for seed in (1, 2)]
     one, other = (
         identify(order, ur5(), IdentifySettings(terms=FrictionTerms(), cutoff_hz=10.0)).estimate
         for order in (runs, runs[::-1])
     )
     np.testing.assert_array_equal(one.values, other.values)
+    np.testing.assert_array_equal(one.covariance, other.covariance)
     assert one.settings == other.settings
     assert one.motion_condition_number == other.motion_condition_number
 

@@ -9,7 +9,7 @@ from dynid.bench.plants import arm, motion, plant
 from dynid.identification import Estimate, IdentificationProblem, WeightedLeastSquares, select
 from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model
-from dynid.regressor import InverseDynamicModel
+from dynid.regressor import FrictionTerms, InverseDynamicModel
 from dynid.signals import ProcessingSettings, fold_periods, process, uniform_signals
 from dynid.validation import validate
 from dynid.workflow import IdentifySettings
@@ -169,7 +169,8 @@ def test_delays_have_deviations() -> None:
     assert (np.abs(found.settings.delays_s - delay) < 4 * std + LATE).all()
     assert std.min() > 0
     assert std.max() < 4 * LATE
-    given = select(ur5(), "dh", [signals], replace(free, delays_s=(0.0,) * 6))
+    settled = replace(free, delays_s=(0.0,) * 6, cutoff_hz=10.0)
+    given = select(ur5(), "dh", [signals], settled, terms=FrictionTerms())
     assert given.delays_std_s is None
 
 

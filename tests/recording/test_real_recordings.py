@@ -98,11 +98,10 @@ def test_panda_one_number_a_line() -> None:
     assert record.signals["q"][0].tolist()[:3] == [-0.9584, 0.5622, -1.4576]
     # The names of the files say it as well, in any order.
     robot = load_robot(Path(__file__).parents[2] / "examples" / "robots" / "panda.toml")
-    for order in (PANDA, PANDA[::-1]):
-        named = read_recording(order, robot=robot)
-        for quantity in ("q", "qd", "effort"):
-            np.testing.assert_array_equal(named.signals[quantity], record.signals[quantity])
-        np.testing.assert_array_equal(named.t, record.t)
+    named = read_recording(PANDA[::-1], robot=robot)
+    for quantity in ("q", "qd", "effort"):
+        np.testing.assert_array_equal(named.signals[quantity], record.signals[quantity])
+    np.testing.assert_array_equal(named.t, record.t)
     clockless = [path for path in PANDA if "time" not in path.name]
     counted = read_recording(clockless, robot=robot, rate_hz=1000)
     assert counted.metadata.clock == "rate"

@@ -592,5 +592,5 @@ def test_own_recordings_are_read_for_a_robot(tmp_path: Path) -> None:
     np.testing.assert_array_equal(record.signals["q"][:, 0], stored.signals["q"][:, 2])
     with pytest.raises(RecordError, match="complete"):
         read_recording(path, degrees=True)
-    with pytest.raises(RecordError, match="number of gains"):
+    with pytest.raises(RecordError, match="one drive gain a joint"):
         read_recording(path, gains=[1.0])

@@ -6,7 +6,8 @@ import pytest
 from known_arm import RATE, estimate, record, samples
 
 from dynid.core import InputError
-from dynid.identification.selection import Assessment, TorqueInterval
+from dynid.identification.selection.assessment import Assessment
+from dynid.identification.selection.regions import TorqueInterval
 from dynid.recording import ExperimentRecord
 from dynid.robot import Counterbalance
 from dynid.signals import ProcessingSettings

@@ -15,7 +15,13 @@ from dynid.core import InputError, JobError
 from dynid.workflow import run_demo
 
 
-def test_an_interrupted_recording_is_closed_and_says_why(tmp_path: Path) -> None:
+def test_an_interrupted_recording_is_closed_and_says_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Any motions: what is looked at is what becomes of the recording.
+    monkeypatch.setattr("dynid.workflow.demo.HARMONICS", 2)
+    monkeypatch.setattr("dynid.workflow.demo.PERIOD_S", 4.0)
+
     def interrupt() -> None:
         while not list(tmp_path.glob("*.partial")):
             time.sleep(0.01)

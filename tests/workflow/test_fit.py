@@ -8,9 +8,10 @@ import pytest
 
 import dynid
 from dynid.core import InputError
-from dynid.recording import ExperimentRecord, read_record, write_record
+from dynid.recording import ExperimentRecord, open_record, read_record, write_record
 from dynid.robot import load_robot
 from dynid.workflow import IdentifySettings, fit
+from dynid.workflow.recordings import known_gains
 
 PAPER = IdentifySettings(preset="paper")
 
@@ -35,11 +36,16 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_log_becomes_a_model_a_report_and_a_verdict(log: Path, tmp_path: Path) -> None:
-    found = fit("ur5", log, tmp_path / "out", settings=PAPER)
+    robot = load_robot("ur5")
+    # The recording has none, and those given go before the robot's.
+    assert known_gains(open_record(log, robot), robot)[1] == "robot"
+    gains = robot.drives.gain.tolist()
+    found = fit("ur5", log, tmp_path / "out", gains=gains, settings=PAPER)
     estimate = dynid.read_estimate(found.estimate)
     record = read_record(found.records[0])
     assert record.metadata.robot == "ur5"
-    assert found.gains_from == ("robot",)
+    assert found.gains_from == ("given",)
+    assert record.metadata.drive_gains == tuple(gains)
     error = dynid.validate(estimate, record).metrics.relative_error_overall_percent
     assert error < 100 * 0.1
     assert {export.to for export in found.models} | dict(found.not_exported).keys() == {
@@ -75,11 +81,5 @@ def test_missing_gains_come_from_the_targets_of_the_controller(tmp_path: Path) -
     write_record(without, tmp_path / "bare.parquet")
     with pytest.raises(InputError, match="neither the robot nor the recording"):
         fit(unknown, tmp_path / "bare.parquet", tmp_path / "bare", settings=PAPER)
-    found = fit(
-        unknown,
-        tmp_path / "bare.parquet",
-        tmp_path / "given",
-        gains=np.full(6, 10.0).tolist(),
-        settings=PAPER,
-    )
-    assert found.gains_from == ("given",)
+    given = open_record(tmp_path / "bare.parquet", unknown, [10.0] * 6)
+    assert known_gains(given, unknown) == (given, "recording")

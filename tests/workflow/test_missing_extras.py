@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -29,9 +30,9 @@ EXTRA_MODULES = (*EXTRAS.values(), "rtde_receive", "backports.zstd")
 
 
 def without(
-    modules: tuple[str, ...], folder: Path, *words: str
+    modules: tuple[str, ...], folder: Path, *words: str, module: bool = True
 ) -> subprocess.CompletedProcess[str]:
-    """What a command says where modules are missing, also in the processes that it starts."""
+    """What a command, or Python, says without modules, also in the processes that it starts."""
     start = folder.with_name(f"{folder.name}-start")
     start.mkdir()
     (start / "sitecustomize.py").write_text(
@@ -39,7 +40,7 @@ def without(
     )
     paths = [str(start), *filter(None, [os.environ.get("PYTHONPATH")])]
     return subprocess.run(
-        [sys.executable, "-m", "dynid", *words],
+        [sys.executable, *(("-m", "dynid") if module else ()), *words],
         capture_output=True,
         text=True,
         cwd=folder,
@@ -57,32 +58,57 @@ def test_every_extra_is_looked_at() -> None:
     }
 
 
-@pytest.mark.parametrize(
-    ("words", "extra"),
-    [
-        (("demo", "-o", "demo", "--quick"), "sim"),
-        (("controller", "--robot", "ur5", "--virtual-time"), "sim"),
-        (("import", "a.h5", "-o", "a.parquet", "--robot", "ur5"), "hdf5"),
-        (("import", "a.xlsx", "-o", "a.parquet", "--robot", "ur5"), "excel"),
-        (("import", "a.csv.zst", "-o", "a.parquet", "--robot", "ur5"), "ros"),
-        (("design", "ur5", "-o", "d.json", "--dask", "127.0.0.1:1"), "dask"),
-        (("fleet", "memory://recordings", "-o", "out"), "objects"),
-    ],
-)
+JOBS = {
+    "demo -o demo --quick": "sim",
+    "controller --robot ur5 --virtual-time": "sim",
+    "import a.h5 -o a.parquet --robot ur5": "hdf5",
+    "import a.xlsx -o a.parquet --robot ur5": "excel",
+    "import a.csv.zst -o a.parquet --robot ur5": "ros",
+    "design ur5 -o d.json --dask 127.0.0.1:1": "dask",
+    "fleet memory://recordings -o out": "objects",
+}
+"""Command to the extra that it needs."""
+FILES = {
+    "a.h5": b"\x89HDF\r\n\x1a\n" + bytes(64),
+    "a.xlsx": b"PK\x03\x04" + bytes(64),
+    "a.csv.zst": b"\x28\xb5\x2f\xfd" + bytes(64),
+}
+ONE_AFTER_THE_OTHER = """
+import contextlib, io, json, os, sys
+from dynid.cli.app import main
+found = []
+for line in json.loads(sys.argv[1]):
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(line.split())
+    found.append([code, out.getvalue(), err.getvalue(), sorted(os.listdir())])
+print(json.dumps(found))
+"""
+
+
+@pytest.fixture(scope="module")
+def said(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Any]]:
+    """Exit code, output, errors and files after each job, all in one process without extras."""
+    folder = tmp_path_factory.mktemp("jobs")
+    for name, content in FILES.items():
+        (folder / name).write_bytes(content)
+    words = ("-c", ONE_AFTER_THE_OTHER, json.dumps(list(JOBS)))
+    done = without(EXTRA_MODULES, folder, *words, module=False)
+    assert done.returncode == 0, done.stderr
+    return dict(zip(JOBS, json.loads(done.stdout), strict=True))
+
+
+@pytest.mark.parametrize("job", JOBS)
 def test_a_job_says_which_extra_it_needs_and_leaves_nothing(
-    words: tuple[str, ...], extra: str, tmp_path: Path
+    job: str, said: dict[str, list[Any]]
 ) -> None:
-    (tmp_path / "a.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(64))
-    (tmp_path / "a.xlsx").write_bytes(b"PK\x03\x04" + bytes(64))
-    (tmp_path / "a.csv.zst").write_bytes(b"\x28\xb5\x2f\xfd" + bytes(64))
-    before = sorted(item.name for item in tmp_path.iterdir())
-    done = without(EXTRA_MODULES, tmp_path, *words)
-    assert done.returncode == 2, done.stderr
-    assert done.stderr.count("\n") == 1
-    assert done.stderr.startswith("dynid: ")
-    assert f"pip install 'dynid[{extra}]'" in done.stderr
-    assert done.stdout == ""
-    assert sorted(item.name for item in tmp_path.iterdir()) == before
+    code, out, err, files = said[job]
+    assert code == 2, err
+    assert err.count("\n") == 1
+    assert err.startswith("dynid: ")
+    assert f"pip install 'dynid[{JOBS[job]}]'" in err
+    assert out == ""
+    assert files == sorted(FILES)
 
 
 def test_without_urtwin_the_command_says_how_to_install_it(tmp_path: Path) -> None:

@@ -4,8 +4,6 @@ MuJoCo gives the rigid-body torques along a motion. Friction is this module's ow
 and a presliding state. The links differ from the robot's published inertias as real arms do.
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -178,7 +176,7 @@ class Plant:
             )
         return spec.compile()
 
-    def with_payload(self, mass: float, centre: Array) -> Plant:
+    def with_payload(self, mass: float, centre: Array) -> "Plant":
         """The plant with a point mass [kg] at a place (3) in the last joint frame [m]."""
         total = self.mass[-1] + mass
         middle = (self.mass[-1] * self.centre[-1] + mass * centre) / total

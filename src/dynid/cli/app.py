@@ -1,7 +1,5 @@
 """`dynid`: the commands, and the one place where an error becomes an exit code."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated
@@ -10,9 +8,8 @@ import typer
 
 from dynid import __version__
 from dynid.cli import (
-    design_commands,
     estimate_commands,
-    record_commands,
+    motion_commands,
     result_commands,
     robot_commands,
 )
@@ -25,11 +22,11 @@ _COMMANDS: Mapping[str, Command | Callable[[typer.Typer], None]] = {
     "robots": robot_commands.robots_command,
     "analyze": robot_commands.analyze_command,
     "fit": estimate_commands.fit_command,
-    "design": design_commands.design_command,
-    "check": design_commands.check_command,
-    "controller": record_commands.register_controller,
-    "run": record_commands.run_command,
-    "import": record_commands.import_command,
+    "design": motion_commands.design_command,
+    "check": motion_commands.check_command,
+    "controller": motion_commands.register_controller,
+    "run": motion_commands.run_command,
+    "import": motion_commands.import_command,
     "identify": estimate_commands.identify_command,
     "validate": estimate_commands.validate_command,
     "compare": robot_commands.compare_command,

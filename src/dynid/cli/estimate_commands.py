@@ -6,33 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from dynid.cli.options import (
-    DaskOption,
-    EstimateArgument,
-    ForceFlag,
-    GainsOption,
-    JobsOption,
-    JsonFlag,
-    RobotArgument,
-    RobotOption,
-    StartOption,
-    StopOption,
-    TemperatureOption,
-    argument,
-    command,
-    drive_gains,
-    flag,
-    option,
-)
-from dynid.cli.output import (
-    check_output,
-    console,
-    number,
-    print_json,
-    print_notices,
-    print_table,
-    progress_bar,
-)
+from dynid.cli import options as ask
+from dynid.cli import output as show
 from dynid.settings import IdentifySettings
 
 if TYPE_CHECKING:
@@ -56,14 +31,14 @@ def print_metrics(
     relative = (whole.relative_error_percent, moving.relative_error_percent)
     shown = (whole.rmse, moving.rmse, rest.rmse, *relative, whole.r2)
     rows = [
-        (str(j + 1), *(number(float(values[j]), 3) for values in shown))
+        (str(j + 1), *(show.number(float(values[j]), 3) for values in shown))
         for j in range(len(whole.rmse))
     ]
-    print_table(screen, f"{title}: RMS errors in {unit}", COLUMNS, rows)
+    show.print_table(screen, f"{title}: RMS errors in {unit}", COLUMNS, rows)
     screen.print(
-        f"all joints: {number(whole.relative_error_overall_percent, 3)} % of the torque, "
-        f"{number(moving.relative_error_overall_percent, 3)} % while moving; "
-        f"e_N {number(whole.normalized_error, 3)} {unit} with N = {whole.samples}"
+        f"all joints: {show.number(whole.relative_error_overall_percent, 3)} % of the torque, "
+        f"{show.number(moving.relative_error_overall_percent, 3)} % while moving; "
+        f"e_N {show.number(whole.normalized_error, 3)} {unit} with N = {whole.samples}"
     )
     if result.covered is not None:
         held = " ".join(f"{100 * share:.0f}" for share in result.covered)
@@ -88,8 +63,9 @@ def _print_identification(screen: Console, result: Identification, *, everything
         f"{estimate.model.frames} frames"
     )
     screen.print(
-        f"condition number of the motion {number(estimate.motion_condition_number, 3)}: relative "
-        "errors of torque grow at most by this factor in the scaled parameters (good: below 50)"
+        f"condition number of the motion {show.number(estimate.motion_condition_number, 3)}: "
+        "relative errors of torque grow at most by this factor in the scaled parameters (good: "
+        "below 50)"
     )
     if result.accuracy is not None:
         screen.print(result.accuracy.describe())
@@ -103,8 +79,8 @@ def _print_identification(screen: Console, result: Identification, *, everything
     else:
         whole, moving = result.training.metrics, result.training.moving
         screen.print(
-            f"its own recording: {number(whole.relative_error_overall_percent, 3)} % of the "
-            f"torque, {number(moving.relative_error_overall_percent, 3)} % while moving"
+            f"its own recording: {show.number(whole.relative_error_overall_percent, 3)} % of the "
+            f"torque, {show.number(moving.relative_error_overall_percent, 3)} % while moving"
         )
     if result.validation is not None:
         print_metrics(screen, "Validation", result.validation, slides)
@@ -112,7 +88,7 @@ def _print_identification(screen: Console, result: Identification, *, everything
     if not everything:
         shown = [finding for finding in shown if finding.severity != "info"]
         shown = sorted(shown, key=lambda finding: finding.severity != "error")[:MOST_FINDINGS]
-    print_notices(screen, "Findings", [notice.to_json() for notice in shown])
+    show.print_notices(screen, "Findings", [notice.to_json() for notice in shown])
     if not everything:
         screen.print()
         more = len(result.warnings) - len(shown)
@@ -128,15 +104,15 @@ def _print_parameters(screen: Console, result: Identification) -> None:
     rows = [
         (
             row["expression"],
-            number(row["value"]),
-            number(row["std"], 2),
-            number(row["relative_std_percent"], 3),
+            show.number(row["value"]),
+            show.number(row["std"], 2),
+            show.number(row["relative_std_percent"], 3),
             row["unit"],
             "" if row["essential"] else "not significant",
         )
         for row in result.estimate.parameter_table()
     ]
-    print_table(screen, "Base parameters", columns, rows, words=(0, 4, 5))
+    show.print_table(screen, "Base parameters", columns, rows, words=(0, 4, 5))
     table = result.estimate.standard_table()
     if table is None:
         return
@@ -144,59 +120,59 @@ def _print_parameters(screen: Console, result: Identification) -> None:
     rows = [
         (
             row["name"],
-            number(row["value"]),
-            number(row["std"], 2) if row["from"] == "data" else "",
-            "" if row["prior"] is None else number(row["prior"]),
+            show.number(row["value"]),
+            show.number(row["std"], 2) if row["from"] == "data" else "",
+            "" if row["prior"] is None else show.number(row["prior"]),
             row["unit"],
             row["from"],
         )
         for row in table
     ]
     title = "Standard parameters, physically consistent (from: mostly data or mostly the prior)"
-    print_table(screen, title, columns, rows, words=(0, 4, 5))
+    show.print_table(screen, title, columns, rows, words=(0, 4, 5))
 
 
-AllFlag = Annotated[bool, flag("--all", "Print all parameters, choices and findings.")]
+AllFlag = Annotated[bool, ask.flag("--all", "Print all parameters, choices and findings.")]
 
 
-@command(
+@ask.command(
     "dynid fit arm.urdf log.csv -o fitted",
     "dynid fit ur5 monday.csv tuesday.csv --validate wednesday.csv -o fitted",
     "dynid fit ur10e log.csv --gains 11.2,11.4,9.8,10.1,10.2,9.9 -o fitted --json",
     only=("preset", "purpose"),
 )
 def fit_command(
-    robot: RobotArgument,
+    robot: ask.RobotArgument,
     logs: Annotated[
         list[Path],
-        argument("LOG...", "Recordings of any format, or folders with the files of one run."),
+        ask.argument("LOG...", "Recordings of any format, or folders with the files of one run."),
     ],
-    output: Annotated[Path, option("DIR", "Folder for all results.", "-o", "--output")],
+    output: Annotated[Path, ask.option("DIR", "Folder for all results.", "-o", "--output")],
     settings: IdentifySettings,
     validation: Annotated[
-        Path | None, option("LOG", "Another log to predict.", "--validate")
+        Path | None, ask.option("LOG", "Another log to predict.", "--validate")
     ] = None,
-    gains: GainsOption = None,
+    gains: ask.GainsOption = None,
     everything: AllFlag = False,
-    json: JsonFlag = False,
+    json: ask.JsonFlag = False,
 ) -> None:
     """From logs to verdict, models and report in one command."""
     from dynid.workflow import fit
 
-    with progress_bar("fit") as progress:
+    with show.progress_bar("fit") as progress:
         result = fit(
             robot,
             logs,
             output,
             validation=validation,
-            gains=drive_gains(gains),
+            gains=ask.drive_gains(gains),
             settings=settings,
             progress=progress,
         )
     if json:
-        print_json(result.to_json())
+        show.print_json(result.to_json())
         return
-    screen = console()
+    screen = show.console()
     _print_identification(screen, result.identification, everything=everything)
     screen.print()
     if "targets" in result.gains_from:
@@ -211,43 +187,43 @@ def fit_command(
     screen.print(f"Next: open {result.report}", soft_wrap=True)
 
 
-@command(
+@ask.command(
     "dynid identify run.parquet -o ur5.json --validate other.parquet",
     "dynid identify run.parquet -o ur5.json --to 14 --validate-from 14",
     "dynid identify run.parquet -o paper.json --preset paper --json",
 )
 def identify_command(
     records: Annotated[
-        list[str], argument("RECORD", "Recordings of one robot: paths, or s3://...")
+        list[str], ask.argument("RECORD", "Recordings of one robot: paths, or s3://...")
     ],
     settings: IdentifySettings,
     output: Annotated[
-        Path | None, option("ESTIMATE.json", "Where the estimate goes.", "-o", "--output")
+        Path | None, ask.option("ESTIMATE.json", "Where the estimate goes.", "-o", "--output")
     ] = None,
-    robot: RobotOption = None,
+    robot: ask.RobotOption = None,
     validation: Annotated[
-        str | None, option("RECORD", "Another record to predict.", "--validate")
+        str | None, ask.option("RECORD", "Another record to predict.", "--validate")
     ] = None,
     validation_start: Annotated[
-        float | None, option("S", "Start of its window.", "--validate-from")
+        float | None, ask.option("S", "Start of its window.", "--validate-from")
     ] = None,
     validation_stop: Annotated[
-        float | None, option("S", "End of its window.", "--validate-to")
+        float | None, ask.option("S", "End of its window.", "--validate-to")
     ] = None,
-    gains: GainsOption = None,
-    jobs: JobsOption = 1,
-    dask: DaskOption = None,
-    force: ForceFlag = False,
+    gains: ask.GainsOption = None,
+    jobs: ask.JobsOption = 1,
+    dask: ask.DaskOption = None,
+    force: ask.ForceFlag = False,
     everything: AllFlag = False,
-    json: JsonFlag = False,
+    json: ask.JsonFlag = False,
 ) -> None:
     """Parameters from recordings, with uncertainty (paper 3)."""
     from dynid.workflow import identify_files, verdict
 
     if output is not None:
         inputs = [*records, *([] if validation is None else [validation])]
-        check_output(output, inputs=map(Path, inputs), suffix=".json", force=force)
-    with progress_bar("identify") as progress:
+        show.check_output(output, inputs=map(Path, inputs), suffix=".json", force=force)
+    with show.progress_bar("identify") as progress:
         result = identify_files(
             records,
             output,
@@ -256,16 +232,18 @@ def identify_command(
             validation=validation,
             validation_start_s=validation_start,
             validation_stop_s=validation_stop,
-            gains=drive_gains(gains),
+            gains=ask.drive_gains(gains),
             jobs=jobs,
             dask=dask,
             progress=progress,
         )
     if json:
         written = None if output is None else str(output)
-        print_json({**result.to_json(), "verdict": verdict(result).to_json(), "estimate": written})
+        show.print_json(
+            {**result.to_json(), "verdict": verdict(result).to_json(), "estimate": written}
+        )
     else:
-        screen = console()
+        screen = show.console()
         _print_identification(screen, result, everything=everything)
         if output is None:
             screen.print("Nothing was written; keep the estimate with -o ESTIMATE.json")
@@ -273,26 +251,26 @@ def identify_command(
             screen.print(f"Estimate written to {output}", soft_wrap=True)
 
 
-@command(
+@ask.command(
     "dynid validate ur5.json other_motion.parquet",
     "dynid validate ur5.json run.parquet --from 10 --to 20 --json",
 )
 def validate_command(
-    estimate: EstimateArgument,
-    record: Annotated[Path, argument("RECORD", "A recording that was not identified from.")],
-    start: StartOption = None,
-    stop: StopOption = None,
-    at: TemperatureOption = None,
-    gains: GainsOption = None,
+    estimate: ask.EstimateArgument,
+    record: Annotated[Path, ask.argument("RECORD", "A recording that was not identified from.")],
+    start: ask.StartOption = None,
+    stop: ask.StopOption = None,
+    at: ask.TemperatureOption = None,
+    gains: ask.GainsOption = None,
     refit: Annotated[
         str | None,
-        option("friction", "Identify friction again from this recording; inertias stay."),
+        ask.option("friction", "Identify friction again from this recording; inertias stay."),
     ] = None,
     output: Annotated[
-        Path | None, option("FILE", "Write the refitted estimate here.", "--output", "-o")
+        Path | None, ask.option("FILE", "Write the refitted estimate here.", "--output", "-o")
     ] = None,
-    force: ForceFlag = False,
-    json: JsonFlag = False,
+    force: ask.ForceFlag = False,
+    json: ask.JsonFlag = False,
 ) -> None:
     """Prediction error on another recording (paper 3.1)."""
     from dynid.identification import open_estimate
@@ -300,7 +278,7 @@ def validate_command(
     from dynid.workflow import validate_files
 
     if output is not None:
-        check_output(output, inputs=[estimate, record], force=force)
+        show.check_output(output, inputs=[estimate, record], force=force)
 
     result = validate_files(
         estimate,
@@ -308,28 +286,30 @@ def validate_command(
         start_s=start,
         stop_s=stop,
         at_degC=at,
-        gains=drive_gains(gains),
+        gains=ask.drive_gains(gains),
         refit=refit,
         output=output,
     )
     if json:
-        print_json(result.to_json())
+        show.print_json(result.to_json())
         return
-    screen = console()
+    screen = show.console()
     slides = open_estimate(estimate, at).model.robot.prismatic
     error = result.moving.relative_error_overall_percent
-    screen.print(f"Predicts this recording to {number(error, 3)} % of the torque", style="bold")
+    screen.print(
+        f"Predicts this recording to {show.number(error, 3)} % of the torque", style="bold"
+    )
     print_metrics(screen, "Prediction", result, slides)
     if result.transfer is not None:
         split = result.transfer
-        print_table(
+        show.print_table(
             screen,
             "Error by cause (RMS, N.m or N)",
             ("joint", *CAUSES, "rest"),
             [
-                (str(j + 1), *(number(x, 3) for x in (*split.rms[:, j], split.rest[j])))
+                (str(j + 1), *(show.number(x, 3) for x in (*split.rms[:, j], split.rest[j])))
                 for j in range(len(split.rest))
             ],
             words=(0,),
         )
-    print_notices(screen, "Findings", [notice.to_json() for notice in result.warnings])
+    show.print_notices(screen, "Findings", [notice.to_json() for notice in result.warnings])

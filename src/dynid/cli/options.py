@@ -1,7 +1,5 @@
 """Options that several commands share, and errors as one line and an exit code."""
 
-from __future__ import annotations
-
 import errno
 import functools
 import inspect

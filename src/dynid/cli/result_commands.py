@@ -9,29 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dynid.cli.options import (
-    DaskOption,
-    EstimateArgument,
-    ForceFlag,
-    JobsOption,
-    JsonFlag,
-    TemperatureOption,
-    argument,
-    command,
-    examples,
-    flag,
-    option,
-)
-from dynid.cli.output import (
-    check_output,
-    console,
-    count,
-    number,
-    print_json,
-    print_notices,
-    print_table,
-    progress_bar,
-)
+from dynid.cli import options as ask
+from dynid.cli import output as show
 from dynid.core import InputError, require, silent
 from dynid.settings import FleetSettings
 
@@ -39,81 +18,81 @@ if TYPE_CHECKING:
     from dynid.studio import Served
 
 
-@command(
+@ask.command(
     "dynid export ur5.json --to urdf -o ur5.urdf",
     "dynid export ur5.json --to c -o ur5_dynamics.h --json",
 )
 def export_command(
-    estimate: EstimateArgument,
+    estimate: ask.EstimateArgument,
     to: Annotated[
         str,
-        option(
+        ask.option(
             "urdf|mjcf|json|c|python", "c: one C99 header; python: one file that needs NumPy alone."
         ),
     ],
-    output: Annotated[Path, option("FILE", "Where the model goes.", "-o", "--output")],
-    at: TemperatureOption = None,
-    force: ForceFlag = False,
-    json: JsonFlag = False,
+    output: Annotated[Path, ask.option("FILE", "Where the model goes.", "-o", "--output")],
+    at: ask.TemperatureOption = None,
+    force: ask.ForceFlag = False,
+    json: ask.JsonFlag = False,
 ) -> None:
     """A model that other programs load, checked by loading it."""
     from dynid.workflow import check_suffix, export_file
 
-    check_output(output, [estimate], force=force)
+    show.check_output(output, [estimate], force=force)
     check_suffix(to, output)
     result = export_file(estimate, to, output, at_degC=at)
     if json:
-        print_json(result.to_json())
+        show.print_json(result.to_json())
         return
-    screen, verified = console(), result.written.verified
+    screen, verified = show.console(), result.written.verified
     screen.print(f"{to} model written to {output}", soft_wrap=True)
     if verified.max_torque_difference is None:
         screen.print(f"Not verified: {verified.loaded_with}.")
     else:
         screen.print(
-            f"Verified with {verified.loaded_with}: torques differ by "
-            f"{number(verified.max_torque_difference)} at most in {verified.states} random states."
+            f"Verified with {verified.loaded_with}: torques differ by at most "
+            f"{show.number(verified.max_torque_difference)} in {verified.states} random states."
         )
     screen.print(f"Standard parameters: {result.written.model.origin}.")
     if result.written.left_out:
         screen.print(f"Not representable in {to}: {', '.join(result.written.left_out)}.")
-    print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
+    show.print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
 
 
-@command(
+@ask.command(
     "dynid report runs/demo -o report.html",
     "dynid report runs/demo --figures figures --png",
 )
 def report_command(
-    directory: Annotated[Path, argument("DIR", "Estimates, recordings and designs.")],
-    output: Annotated[Path, option("FILE.html", "The page to write.", "-o", "--output")] = Path(
+    directory: Annotated[Path, ask.argument("DIR", "Estimates, recordings and designs.")],
+    output: Annotated[Path, ask.option("FILE.html", "The page to write.", "-o", "--output")] = Path(
         "report.html"
     ),
     figures: Annotated[
-        Path | None, option("FOLDER", "Also write each figure there, as SVG.")
+        Path | None, ask.option("FOLDER", "Also write each figure there, as SVG.")
     ] = None,
     png: Annotated[
-        bool, flag("--png", "With --figures: PNG too; needs the extra figures.")
+        bool, ask.flag("--png", "With --figures: PNG too; needs the extra figures.")
     ] = False,
-    force: ForceFlag = False,
-    json: JsonFlag = False,
+    force: ask.ForceFlag = False,
+    json: ask.JsonFlag = False,
 ) -> None:
     """One self-contained page, with the verdict first."""
     from dynid.report import write_figures
     from dynid.workflow import report
 
-    check_output(output, suffix=".html", force=force)
+    show.check_output(output, suffix=".html", force=force)
     if png:
         if figures is None:
             raise InputError(
                 "the figures need a folder", where="--png", next_step="--figures FOLDER"
             )
         require("resvg_py", "figures")
-    with progress_bar("report") as progress:
+    with show.progress_bar("report") as progress:
         path, contents = report(directory, output, progress=progress)
         drawn = () if figures is None else write_figures(contents, figures, png=png, force=force)
     if json:
-        print_json(
+        show.print_json(
             {
                 "file": str(path),
                 "bytes": path.stat().st_size,
@@ -123,7 +102,7 @@ def report_command(
             }
         )
         return
-    screen = console()
+    screen = show.console()
     for item in contents.estimates:
         screen.print(f"{item.name}: {item.headline}", style="bold")
     for name, why in contents.skipped:
@@ -131,53 +110,53 @@ def report_command(
     screen.print(f"Written: {path}", soft_wrap=True)
 
 
-@command(
+@ask.command(
     "dynid fleet recordings/ -o runs/fleet",
     "dynid fleet recordings/ -o runs/fleet --jobs 4 --json",
 )
 def fleet_command(
     folder: Annotated[
-        str, argument("DIR", "Recordings: ROBOT/DAY/FILE, or a manifest.csv; path or s3://...")
+        str, ask.argument("DIR", "Recordings: ROBOT/DAY/FILE, or a manifest.csv; path or s3://...")
     ],
     settings: FleetSettings,
     output: Annotated[
-        Path, option("DIR", "Table, page, state and cache.", "-o", "--output")
+        Path, ask.option("DIR", "Table, page, state and cache.", "-o", "--output")
     ] = Path("runs/fleet"),
-    json: JsonFlag = False,
+    json: ask.JsonFlag = False,
 ) -> None:
     """Many robots and days: estimates, friction trends, alarms."""
     from dynid.workflow import fleet
 
-    with progress_bar("fleet") as progress:
+    with show.progress_bar("fleet") as progress:
         found = fleet(folder, output, settings, progress=progress)
     data = found.to_json()
     if json:
-        print_json(data)
+        show.print_json(data)
         return
-    screen = console()
+    screen = show.console()
     screen.print(
         f"{data['recordings']} recordings of {len(data['robots'])} robots: {data['computed']} "
         f"computed, {data['cached']} from the cache, {len(data['skipped'])} left out",
         style="bold",
     )
-    print_table(
+    show.print_table(
         screen,
         f"Alarms ({data['tests']} trends, {100 * settings.false_alarms:g} % for any false alarm)",
         ("robot", "joint", "alarm", "friction [%]", "from", "to"),
         [
-            (one.robot, one.name, one.alarm, *(number(x, 3) for x in one.change_percent))
+            (one.robot, one.name, one.alarm, *(show.number(x, 3) for x in one.change_percent))
             for one in found.alarms
         ],
         words=range(3),
     )
-    print_notices(screen, "Findings", data["findings"])
+    show.print_notices(screen, "Findings", data["findings"])
     for name, why in found.skipped:
         screen.print(f"- left out {name}: {why}", soft_wrap=True)
     for file in data["files"]:
         screen.print(f"- {file}", soft_wrap=True)
 
 
-@command(
+@ask.command(
     "dynid studio runs/demo",
     "dynid studio design.json",
     "dynid studio ur5e --port 8123",
@@ -185,19 +164,19 @@ def fleet_command(
 )
 def studio_command(
     path: Annotated[
-        str | None, argument("PATH", "Directory, design, recording, or robot; default: here.")
+        str | None, ask.argument("PATH", "Directory, design, recording, or robot; default: here.")
     ] = None,
     robot: Annotated[
-        str | None, option("ROBOT", "Robot, where the files have none or it has moved.")
+        str | None, ask.option("ROBOT", "Robot, where the files have none or it has moved.")
     ] = None,
-    host: Annotated[str, option("ADDRESS", "Where to listen.")] = "127.0.0.1",
+    host: Annotated[str, ask.option("ADDRESS", "Where to listen.")] = "127.0.0.1",
     port: Annotated[
-        int | None, option("PORT", "0 for any. [default: 8080 or next]", min=0, max=65535)
+        int | None, ask.option("PORT", "0 for any. [default: 8080 or next]", min=0, max=65535)
     ] = None,
     token: Annotated[
-        str | None, option("TEXT", "Access token; generated where one is needed.")
+        str | None, ask.option("TEXT", "Access token; generated where one is needed.")
     ] = None,
-    json: JsonFlag = False,
+    json: ask.JsonFlag = False,
 ) -> None:
     """A local page: the arm in 3D, design, live run, results.
 
@@ -208,7 +187,7 @@ def studio_command(
 
     def ready(served: Served) -> None:
         if json:
-            print_json(asdict(served))
+            show.print_json(asdict(served))
             sys.stdout.flush()
         print(f"dynid studio: open {served.url} - Ctrl-C ends it.", file=sys.stderr, flush=True)
         if not served.local:
@@ -229,13 +208,13 @@ def register_bench(app: typer.Typer) -> None:
     group.callback()(_root)
     group.command(
         "estimators",
-        epilog=examples(
+        epilog=ask.examples(
             "dynid bench estimators", "dynid bench estimators --only ols,iv,didim --seeds 5 --json"
         ),
     )(_estimators)
     group.command(
         "verdicts",
-        epilog=examples(
+        epilog=ask.examples(
             "dynid bench verdicts", "dynid bench verdicts --clean 300 --each 60 --seed 1 --json"
         ),
     )(_verdicts)
@@ -247,11 +226,11 @@ def _root() -> None:
 
 
 def _estimators(
-    only: Annotated[str | None, option("WORD,..", "Some of the words of --estimator.")] = None,
-    seeds: Annotated[int, option("N", "Trajectories and noises.", min=1)] = 3,
-    jobs: JobsOption = 1,
-    dask: DaskOption = None,
-    json: JsonFlag = False,
+    only: Annotated[str | None, ask.option("WORD,..", "Some of the words of --estimator.")] = None,
+    seeds: Annotated[int, ask.option("N", "Trajectories and noises.", min=1)] = 3,
+    jobs: ask.JobsOption = 1,
+    dask: ask.DaskOption = None,
+    json: ask.JsonFlag = False,
 ) -> None:
     """Every estimator, by noise and seed: BIRDy's metrics."""
     from dynid.bench import compare_estimators, summary, to_json
@@ -259,26 +238,26 @@ def _estimators(
     from dynid.identification import ESTIMATORS
 
     words = ESTIMATORS if only is None else tuple(word.strip() for word in only.split(","))
-    with progress_bar("bench") as progress, workers(jobs, dask) as beside:
+    with show.progress_bar("bench") as progress, workers(jobs, dask) as beside:
         trials = compare_estimators(words, range(seeds), beside=beside, progress=progress)
     if json:
-        print_json(to_json(trials))
+        show.print_json(to_json(trials))
         return
     rows = [
         (
             row["scenario"],
             row["estimator"],
-            number(row["d_beta"], 3),
-            number(row["d_tau_percent"], 3),
-            number(row["d_q_percent"], 3),
-            number(row["seconds"], 2),
+            show.number(row["d_beta"], 3),
+            show.number(row["d_tau_percent"], 3),
+            show.number(row["d_q_percent"], 3),
+            show.number(row["seconds"], 2),
             str(row["failures"] or ""),
         )
         for row in sorted(summary(trials), key=lambda row: row["scenario"])
     ]
-    print_table(
-        console(),
-        f"Means over {count(seeds, 'seed')} (d_beta: 0 to 2; errors on another motion)",
+    show.print_table(
+        show.console(),
+        f"Means over {show.count(seeds, 'seed')} (d_beta: 0 to 2; errors on another motion)",
         ("scenario", "estimator", "d_beta", "d_tau %", "d_q %", "s", "failed"),
         rows,
         words=(0, 1),
@@ -286,11 +265,11 @@ def _estimators(
 
 
 def _verdicts(
-    clean: Annotated[int, option("N", "Clean recordings.", min=0)] = 12,
-    each: Annotated[int, option("N", "Recordings of each fault, over three sizes.", min=0)] = 3,
+    clean: Annotated[int, ask.option("N", "Clean recordings.", min=0)] = 12,
+    each: Annotated[int, ask.option("N", "Recordings of each fault, over three sizes.", min=0)] = 3,
     seed: Annotated[int, typer.Option(help="Seed of arms, motions and faults.")] = 0,
-    preset: Annotated[str, option("paper|best", "As for identify.")] = "best",
-    json: JsonFlag = False,
+    preset: Annotated[str, ask.option("paper|best", "As for identify.")] = "best",
+    json: ask.JsonFlag = False,
 ) -> None:
     """False alarms, and input faults that are identified."""
     from dynid.bench import Judged, Recorded, cases, markdown, rates, run_verdicts, summarise
@@ -311,45 +290,55 @@ def _verdicts(
             predicted=() if shown is None else shown.predicted,
         )
 
-    with progress_bar("bench") as progress:
+    with show.progress_bar("bench") as progress:
         rows = run_verdicts(judge, cases(seed, clean, each), progress=progress or silent)
     told = summarise(rows)
     if json:
-        print_json(told | {"right_cause_percent": rates(told), "seed": seed, "preset": preset})
+        show.print_json(told | {"right_cause_percent": rates(told), "seed": seed, "preset": preset})
         return
-    console().print(markdown(told, f"Seed {seed}, preset {preset}"), soft_wrap=True, markup=False)
+    show.console().print(
+        markdown(told, f"Seed {seed}, preset {preset}"), soft_wrap=True, markup=False
+    )
 
 
-@command("dynid demo -o runs/demo", "dynid demo -o runs/demo --quick --json")
+@ask.command("dynid demo -o runs/demo", "dynid demo -o runs/demo --quick --json")
 def demo_command(
-    output: Annotated[str, option("DIR", "Where the files go.", "-o", "--output")] = "runs/demo",
+    output: Annotated[
+        str, ask.option("DIR", "Where the files go.", "-o", "--output")
+    ] = "runs/demo",
     quick: Annotated[
         bool,
-        flag("--quick", "One repetition of each motion, not three, and a shorter search for them."),
+        ask.flag(
+            "--quick", "One repetition of each motion, not three, and a shorter search for them."
+        ),
     ] = False,
-    force: ForceFlag = False,
+    force: ask.ForceFlag = False,
     everything: Annotated[
-        bool, flag("--all", "Print the whole table, choices, warnings and files.")
+        bool, ask.flag("--all", "Print the whole table, choices, warnings and files.")
     ] = False,
-    json: JsonFlag = False,
+    json: ask.JsonFlag = False,
 ) -> None:
     """The whole paper on the simulated UR5, cold and warm."""
     from dynid.workflow import run_demo, verdict
 
-    with progress_bar("demo") as progress:
+    with show.progress_bar("demo") as progress:
         demo = run_demo(output, quick=quick, force=force, progress=progress)
     if json:
-        print_json(demo.to_json())
+        show.print_json(demo.to_json())
         return
-    screen = console()
+    screen = show.console()
     screen.print(verdict(demo.best).headline, style="bold")
     rows = [row for row in demo.table if everything or row.paper is not None]
-    print_table(
+    show.print_table(
         screen,
         "The paper's UR5 beside the simulated UR5",
         ("quantity", "unit", "paper", "preset paper", "preset best"),
         [
-            (row.quantity, row.unit, *map(number, (row.paper, row.preset_paper, row.preset_best)))
+            (
+                row.quantity,
+                row.unit,
+                *map(show.number, (row.paper, row.preset_paper, row.preset_best)),
+            )
             for row in rows
         ],
         words=(0, 1),
@@ -364,7 +353,7 @@ def demo_command(
     screen.print("\nChoices of preset best", style="bold")
     for choice in demo.best.estimate.choices:
         screen.print(f"- {choice}")
-    print_notices(
+    show.print_notices(
         screen, "Warnings of preset best", [notice.to_json() for notice in demo.best.warnings]
     )
     screen.print(f"\nFiles, after {demo.wall_s:.0f} s", style="bold")

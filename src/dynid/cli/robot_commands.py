@@ -6,19 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from dynid.cli.options import (
-    GainsOption,
-    JsonFlag,
-    RobotArgument,
-    RobotOption,
-    SeedOption,
-    argument,
-    command,
-    drive_gains,
-    flag,
-    option,
-)
-from dynid.cli.output import console, number, print_json, print_notices, print_table
+from dynid.cli import options as ask
+from dynid.cli import output as show
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -26,17 +15,17 @@ if TYPE_CHECKING:
     from dynid.validation import ParameterComparison
 
 
-@command("dynid robots", "dynid robots --json")
-def robots_command(json: JsonFlag = False) -> None:
+@ask.command("dynid robots", "dynid robots --json")
+def robots_command(json: ask.JsonFlag = False) -> None:
     """List the built-in robots."""
     from dynid.robot import robots
 
     found = robots()
     if json:
-        print_json({"robots": [robot._asdict() for robot in found]})
+        show.print_json({"robots": [robot._asdict() for robot in found]})
         return
-    screen = console()
-    print_table(
+    screen = show.console()
+    show.print_table(
         screen,
         "Built-in robots",
         ("name", "joints", "arm"),
@@ -51,29 +40,31 @@ def robots_command(json: JsonFlag = False) -> None:
 MAX_SAMPLES = 10_000
 
 
-@command(
+@ask.command(
     "dynid analyze ur5",
     "dynid analyze ur5 --mount wall --terms fc,fv,im,fo",
     "dynid analyze arm.urdf --frames dh --json",
 )
 def analyze_command(
-    robot: RobotArgument,
+    robot: ask.RobotArgument,
     frames: Annotated[
-        str, option("dh|mdh|urdf", "Frames of the parameters; default: its own.")
+        str, ask.option("dh|mdh|urdf", "Frames of the parameters; default: its own.")
     ] = "",
     mount: Annotated[
         str | None,
-        option("floor|wall|ceiling|tilt:DEG", "Mounting; default: that of the file."),
+        ask.option("floor|wall|ceiling|tilt:DEG", "Mounting; default: that of the file."),
     ] = None,
     samples: Annotated[
-        int, option("N", "Random points of the regressor.", min=1, max=MAX_SAMPLES)
+        int, ask.option("N", "Random points of the regressor.", min=1, max=MAX_SAMPLES)
     ] = 25,
-    seed: SeedOption = 0,
+    seed: ask.SeedOption = 0,
     terms: Annotated[
-        str, option("fc,fv,im[,fo]", "Also fca, fva, fs, fr; fo:1+3 is for joints 1 and 3.")
+        str, ask.option("fc,fv,im[,fo]", "Also fca, fva, fs, fr; fo:1+3 is for joints 1 and 3.")
     ] = "fc,fv,im",
-    everything: Annotated[bool, flag("--all", "Print every base parameter with its unit.")] = False,
-    json: JsonFlag = False,
+    everything: Annotated[
+        bool, ask.flag("--all", "Print every base parameter with its unit.")
+    ] = False,
+    json: ask.JsonFlag = False,
 ) -> None:
     """Rank and base parameters of a robot (paper 2.1)."""
     from dynid.robot import load_robot
@@ -82,7 +73,7 @@ def analyze_command(
     model = load_robot(robot, mount=mount)
     result = analyze(model, frames=frames, samples=samples, seed=seed, terms=terms)
     if json:
-        print_json(result.to_json())
+        show.print_json(result.to_json())
     else:
         _show(result.to_json(), everything)
 
@@ -94,7 +85,7 @@ MOST_CHANGES, MOST_LETTERS = 15, 28
 
 
 def _show(data: Mapping[str, Any], everything: bool) -> None:
-    screen = console()
+    screen = show.console()
     screen.print(
         f"{data['robot']}: {data['standard_parameters']} standard parameters, "
         f"{data['base_parameters']} base parameters",
@@ -116,14 +107,14 @@ def _show(data: Mapping[str, Any], everything: bool) -> None:
         rows = [row for row in rows if row[0] not in alone]
     shown = rows if everything else [(_shortened(e), unit) for e, unit in rows[:MOST_ROWS]]
     title = "Base parameters" if everything else f"Identifiable in combination ({len(rows)})"
-    print_table(screen, title, ("combination", "unit"), shown, words=range(2))
+    show.print_table(screen, title, ("combination", "unit"), shown, words=range(2))
     if not everything:
         screen.print("--all prints every combination in full")
     screen.print()
     screen.print("Not identifiable: " + (", ".join(data["unidentifiable_names"]) or "none"))
     for note in data["notes"]:
         screen.print(f"- {note}.")
-    print_notices(screen, "Warnings", data["findings"])
+    show.print_notices(screen, "Warnings", data["findings"])
 
 
 def _shortened(expression: str, longest: int = 62) -> str:
@@ -133,11 +124,13 @@ def _shortened(expression: str, longest: int = 62) -> str:
     return expression[: expression.rfind(" ", 0, longest - 4)] + " ..."
 
 
-@command("dynid gains run.parquet", "dynid gains log.csv --robot ur10 --json")
+@ask.command("dynid gains run.parquet", "dynid gains log.csv --robot ur10 --json")
 def gains_command(
-    record: Annotated[Path, argument("RECORD", "A recording with target currents and moments.")],
-    robot: RobotOption = None,
-    json: JsonFlag = False,
+    record: Annotated[
+        Path, ask.argument("RECORD", "A recording with target currents and moments.")
+    ],
+    robot: ask.RobotOption = None,
+    json: ask.JsonFlag = False,
 ) -> None:
     """Drive gains, from target currents and moments (UR)."""
     from dynid.workflow import identify_gains, open_records
@@ -146,83 +139,85 @@ def gains_command(
     found = identify_gains(opened, model)
     data: dict[str, Any] = {"robot": model.name, **found.to_json(model.joint_names)}
     if json:
-        print_json(data)
+        show.print_json(data)
         return
-    screen = console()
+    screen = show.console()
     rows = [
         (
             row["joint"],
-            *(number(row[key]) for key in ("gain", "std")),
-            number(float(model.drives.gain[j])),
-            number(row["r2"], 6),
+            *(show.number(row[key]) for key in ("gain", "std")),
+            show.number(float(model.drives.gain[j])),
+            show.number(row["r2"], 6),
         )
         for j, row in enumerate(data["gains"])
     ]
     columns = ("joint", "gain", "std", "robot's", "r2")
-    print_table(screen, "Drive gains [N.m/A]", columns, rows)
+    show.print_table(screen, "Drive gains [N.m/A]", columns, rows)
     if all(row["gain"] is not None for row in data["gains"]):
         screen.print()
         screen.print("--gains " + ",".join(f"{row['gain']:.4f}" for row in data["gains"]))
-    print_notices(screen, "Warnings", data["findings"])
+    show.print_notices(screen, "Warnings", data["findings"])
 
 
-@command(
+@ask.command(
     "dynid payload empty.parquet gripper.parquet",
     "dynid payload empty.parquet gripper.parquet --robot ur5 --json",
 )
 def payload_command(
-    unloaded: Annotated[Path, argument("UNLOADED", "A recording without the payload.")],
-    loaded: Annotated[Path, argument("LOADED", "One with it, preferably of the same motion.")],
-    robot: RobotOption = None,
-    cutoff: Annotated[float | None, option("HZ", "Low-pass cut-off; default: chosen.")] = None,
-    gains: GainsOption = None,
-    json: JsonFlag = False,
+    unloaded: Annotated[Path, ask.argument("UNLOADED", "A recording without the payload.")],
+    loaded: Annotated[Path, ask.argument("LOADED", "One with it, preferably of the same motion.")],
+    robot: ask.RobotOption = None,
+    cutoff: Annotated[float | None, ask.option("HZ", "Low-pass cut-off; default: chosen.")] = None,
+    gains: ask.GainsOption = None,
+    json: ask.JsonFlag = False,
 ) -> None:
     """Mass, centre and inertia of a payload, with intervals."""
     from dynid.workflow import identify_payload, open_records
 
-    (empty, carrying), model = open_records([unloaded, loaded], robot, drive_gains(gains))
+    (empty, carrying), model = open_records([unloaded, loaded], robot, ask.drive_gains(gains))
     found = identify_payload(empty, carrying, model, cutoff_hz=cutoff)
     data: dict[str, Any] = {"robot": model.name, **found.to_json()}
     if json:
-        print_json(data)
+        show.print_json(data)
         return
-    screen = console()
+    screen = show.console()
     half = float(data["mass_interval"][1]) - found.mass
     width = half / found.mass_std
-    print_notices(screen, "Findings", data["findings"])
+    show.print_notices(screen, "Findings", data["findings"])
     if found.mass < half:
         most = found.mass + half
         screen.print(f"No significant payload: below {most:.2g} kg (95 %)", style="bold")
         return
     screen.print(f"Payload: {found.mass:.4g} kg ± {half:.2g} kg (95 %)", style="bold")
     rows = [
-        (f"centre {axis}", "m", number(float(place)), number(width * float(std)))
+        (f"centre {axis}", "m", show.number(float(place)), show.number(width * float(std)))
         for axis, place, std in zip("xyz", found.centre, found.centre_std, strict=True)
     ]
     rows += [
-        (row["name"], row["unit"], number(row["value"]), number(width * row["std"]))
+        (row["name"], row["unit"], show.number(row["value"]), show.number(width * row["std"]))
         for row in data["parameters"][4:]
     ]
     columns = ("quantity", "unit", "value", "± (95 %)")
-    print_table(screen, "In the flange frame, tensor about its origin", columns, rows, words=(0, 1))
+    show.print_table(
+        screen, "In the flange frame, tensor about its origin", columns, rows, words=(0, 1)
+    )
 
 
-@command("dynid compare cold.json warm.json", "dynid compare a.json b.json --json")
+@ask.command("dynid compare cold.json warm.json", "dynid compare a.json b.json --json")
 def compare_command(
-    a: Annotated[Path, argument("A.json", "An estimate, such as that of the cold robot.")],
-    b: Annotated[Path, argument("B.json", "Another, such as that of the warm robot.")],
-    everything: Annotated[bool, flag("--all", "Print every base parameter, in full.")] = False,
-    json: JsonFlag = False,
+    a: Annotated[Path, ask.argument("A.json", "An estimate, such as that of the cold robot.")],
+    b: Annotated[Path, ask.argument("B.json", "Another, such as that of the warm robot.")],
+    everything: Annotated[bool, ask.flag("--all", "Print every base parameter, in full.")] = False,
+    json: ask.JsonFlag = False,
 ) -> None:
     """Which parameters changed between two estimates (paper 3.2)."""
     from dynid.validation import compare
 
     comparison = compare(a, b)
     if json:
-        print_json(comparison.to_json())
+        show.print_json(comparison.to_json())
     else:
-        _print_comparison(console(), comparison, everything)
+        _print_comparison(show.console(), comparison, everything)
 
 
 def _print_comparison(screen: Console, comparison: ParameterComparison, everything: bool) -> None:
@@ -232,15 +227,15 @@ def _print_comparison(screen: Console, comparison: ParameterComparison, everythi
             group.name,
             "moved" if group.moved else "did not move",
             str(len(group.members)),
-            number(group.median_change_percent, 3),
+            show.number(group.median_change_percent, 3),
             "-" if group.largest is None else called[group.largest],
-            number(group.largest_z, 3),
-            number(group.limit_z, 3),
+            show.number(group.largest_z, 3),
+            show.number(group.limit_z, 3),
         )
         for group in comparison.groups
     ]
     columns = ("group", "", "number", "median %", "largest", "|z|", "limit")
-    print_table(
+    show.print_table(
         screen, "Groups, z = change in standard deviations", columns, groups, words=(0, 1, 4)
     )
     size = [abs(float(z)) for z in comparison.z]
@@ -249,17 +244,17 @@ def _print_comparison(screen: Console, comparison: ParameterComparison, everythi
         (
             comparison.expressions[k] if everything else called[k],
             comparison.units[k],
-            number(float(comparison.a[k])),
-            number(float(comparison.b[k])),
-            number(float(comparison.change_percent[k]), 3),
-            number(float(comparison.z[k]), 3),
+            show.number(float(comparison.a[k])),
+            show.number(float(comparison.b[k])),
+            show.number(float(comparison.change_percent[k]), 3),
+            show.number(float(comparison.z[k]), 3),
         )
         for k in order
     ]
     columns = ("parameter", "unit", "A", "B", "change %", "z")
     title = "Base parameters" if everything else "Largest changes"
     shown = rows if everything else rows[:MOST_CHANGES]
-    print_table(screen, title, columns, shown, words=(0, 1))
+    show.print_table(screen, title, columns, shown, words=(0, 1))
     if not everything:
         screen.print(f"--all prints all {len(rows)} base parameters in full")
-    print_notices(screen, "Warnings", [notice.to_json() for notice in comparison.warnings])
+    show.print_notices(screen, "Warnings", [notice.to_json() for notice in comparison.warnings])

@@ -1,7 +1,5 @@
 """The arm's kinematics as the compiled judges read it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

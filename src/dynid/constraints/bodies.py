@@ -4,8 +4,6 @@ Pairs that no pose in the range can bring together are left out: the least dista
 ranges of joints is found by branch and bound.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Distances between the bodies of the arm and from them to the scene, and how they change."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

@@ -6,8 +6,6 @@ overlap, the expanding polytope (van den Bergh 2001) gives the depth. The direct
 kept by the caller, so that a far pair costs one look along it.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How much of every limit a motion uses: joints, speeds of points, momentum."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

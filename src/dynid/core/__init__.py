@@ -44,10 +44,12 @@ if TYPE_CHECKING:
         freeze,
         frozen,
         inverse_upper,
+        read_arrays,
         read_only,
         scipy_part,
         solve_upper,
         upper_triangle,
+        write_arrays,
     )
     from dynid.core.bounds import MotionBounds
     from dynid.core.json_fields import (
@@ -100,6 +102,7 @@ __all__ = [
     "printable",
     "provenance",
     "provenance_from_json",
+    "read_arrays",
     "read_only",
     "require",
     "require_absent",
@@ -111,6 +114,7 @@ __all__ = [
     "told_to_stop",
     "upper_triangle",
     "workers",
+    "write_arrays",
     "write_json",
     "write_text",
 ]

@@ -1,12 +1,17 @@
-"""Read-only arrays with checked shapes, and triangular factors."""
+"""Read-only arrays with checked shapes, triangular factors, and files of arrays."""
 
+import zlib
+from collections.abc import Mapping
 from importlib import import_module
+from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dynid.core.errors import InputError
+from dynid.core.files import in_one_piece
 
 Array = NDArray[np.float64]
 """A float64 array; shape and unit stand in each field's docstring."""
@@ -97,3 +102,23 @@ def solve_upper(upper: Array, right: Array) -> Array:
 def inverse_upper(upper: Array) -> Array:
     """The inverse of an upper triangular (k, k) matrix."""
     return solve_upper(upper, np.eye(len(upper)))
+
+
+def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
+    """Write arrays under their names in one piece, compressed.
+
+    Raises:
+        InputError: A place where no such file can be.
+        JobError: The disk does not take it.
+    """
+    with in_one_piece(path) as part, part.open("wb") as stream:
+        np.savez_compressed(stream, **arrays)
+
+
+def read_arrays(path: Path) -> dict[str, Any]:
+    """What `write_arrays` wrote; nothing where there is no such file, or a damaged one."""
+    try:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+            return dict(stored)
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error):
+        return {}

@@ -1,7 +1,5 @@
 """Bounds of motions, which robots, trajectories and judges share."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -58,7 +56,7 @@ class MotionBounds:
         return len(self.lower)
 
     @property
-    def motion(self) -> MotionBounds:
+    def motion(self) -> "MotionBounds":
         """These four bounds alone, without what limits that extend them know besides."""
         names = (item.name for item in fields(MotionBounds))
         return MotionBounds(**{name: getattr(self, name) for name in names})

@@ -3,7 +3,7 @@
 Programs decide by kind, severity, joints and value. The sentence is for people only.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -132,9 +132,10 @@ def finding_from_json(data: Mapping[str, Any]) -> Finding:
     )
 
 
-def told(findings: Iterable[Finding]) -> list[dict[str, str]]:
-    """`warnings` and `problems` of the JSON: code and message of what is more than information."""
-    return [{"code": f.code, "message": f.message} for f in findings if f.severity != "info"]
+def told(findings: Sequence[Finding], key: str = "warnings") -> dict[str, list[dict[str, Any]]]:
+    """Findings in the JSON of a result: all of them, and by code and message those above info."""
+    short = [{"code": f.code, "message": f.message} for f in findings if f.severity != "info"]
+    return {key: short, "findings": [finding.to_json() for finding in findings]}
 
 
 Progress = Callable[[str, float], None]

@@ -4,8 +4,6 @@ Own code: msgspec takes the last of two equal keys without a word, where a file 
 to be refused, and leaves the shapes of arrays to be checked by hand.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -66,12 +64,12 @@ class JsonFields:
             raise InputError(f"{label} must have rows of one length")
         return np.array(rows)
 
-    def object(self, name: str) -> JsonFields:
+    def object(self, name: str) -> "JsonFields":
         """A JSON object."""
         label = self.prefix + name
         return JsonFields(_mapping(self.get(name), label), prefix=f"{label}.")
 
-    def objects(self, name: str) -> list[JsonFields]:
+    def objects(self, name: str) -> "list[JsonFields]":
         """A list of JSON objects."""
         label = self.prefix + name
         return [

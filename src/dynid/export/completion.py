@@ -6,8 +6,6 @@ are nearest to the prior's in the log-det divergence of Lee, Wensing and Park (2
 physically consistent bodies have.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,7 +50,7 @@ class PseudoInertias:
     """(links, 4, 4) of the prior's pseudo-inertias."""
 
     @staticmethod
-    def of(model: InverseDynamicModel, prior: Array) -> PseudoInertias:
+    def of(model: InverseDynamicModel, prior: Array) -> "PseudoInertias":
         """The bodies of a model, with inertial parameters (n, 10) of possible bodies as the prior.
 
         A motor's inertia is guessed to be that of the arm it drives, the mean over random poses:

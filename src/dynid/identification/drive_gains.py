@@ -66,8 +66,7 @@ class DriveGains:
                 {"joint": name, **{key: plain(float(getattr(self, key)[j])) for key in _COLUMNS}}
                 for j, name in enumerate(names)
             ],
-            "warnings": told(self.warnings),
-            "findings": [finding.to_json() for finding in self.warnings],
+            **told(self.warnings),
         }
 
 

@@ -21,7 +21,8 @@ from dynid.core import (
     read_only,
     write_json,
 )
-from dynid.identification.selection import Assessment, assessment_from_json, conditions
+from dynid.identification.selection.assessment import Assessment, assessment_from_json
+from dynid.identification.selection.regions import conditions
 from dynid.identification.statistics import relative_std_percent
 from dynid.regressor import CHUNK, InverseDynamicModel, terms_from_json
 from dynid.robot import robot_from_json, robot_to_json

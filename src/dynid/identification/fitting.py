@@ -33,7 +33,8 @@ from dynid.identification.problem import (
     observation_root,
     scaled_condition_number,
 )
-from dynid.identification.selection import BLOCKS, LeftOutCells, assess, find_regions
+from dynid.identification.selection.assessment import LeftOutCells, assess
+from dynid.identification.selection.regions import BLOCKS, find_regions
 from dynid.identification.statistics import (
     MODEL_CORRELATION,
     ar_covariance,

@@ -3,8 +3,6 @@
 How noisy the measured motion is, is read off its spectrum above the motion.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -136,7 +134,7 @@ class Likelihood:
     """Instants of the record for one that is looked at."""
 
     @staticmethod
-    def of(problem: IdentificationProblem, start: Fit, noise: MotionNoise) -> Likelihood:
+    def of(problem: IdentificationProblem, start: Fit, noise: MotionNoise) -> "Likelihood":
         """The likelihood of a problem with noise of the motion.
 
         The residuals of a least-squares fit, where it starts, bound the torque noise.

@@ -171,8 +171,7 @@ class Payload:
             ],
             "noise": self.noise.tolist(),
             "samples": self.samples,
-            "warnings": told(self.warnings),
-            "findings": [finding.to_json() for finding in self.warnings],
+            **told(self.warnings),
         }
 
 

@@ -6,8 +6,6 @@ scores are summed over windows for the long-run covariance. Sums of parts add up
 whole, in any order and in any process.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
@@ -16,7 +14,8 @@ from numba import njit
 
 from dynid.core import Array, Indices, upper_triangle
 from dynid.identification.problem import block_mean, chunk_size, motion_state, recorded_rows
-from dynid.identification.selection import GramBlocks, Regions
+from dynid.identification.selection.gram import GramBlocks
+from dynid.identification.selection.regions import Regions
 from dynid.reduction import BaseParametrization, GramLayout, gram_layout
 from dynid.regressor import LANES, in_lanes, inertial_rows, turns
 from dynid.signals import Samples
@@ -66,7 +65,7 @@ class RowSums:
     speed: Array
     """(n) largest speed."""
 
-    def add(self, other: RowSums) -> None:
+    def add(self, other: "RowSums") -> None:
         """Take in the sums of other rows."""
         self.rows += other.rows
         for key, (rows, products) in other.cells.items():

@@ -1,7 +1,5 @@
 """The variables of RTDE, and recipes that pack them into data packages."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -192,7 +190,7 @@ class Recipe:
         object.__setattr__(self, "layout", struct.Struct(">" + codes))
 
     @classmethod
-    def of(cls, names: Iterable[str], types: Iterable[str], number: int | None = 1) -> Recipe:
+    def of(cls, names: Iterable[str], types: Iterable[str], number: int | None = 1) -> "Recipe":
         """A recipe from the names asked for and the types answered.
 
         Raises:

@@ -5,16 +5,17 @@ from dynid.recording.formats import content_kind
 from dynid.recording.headers import match_headers
 from dynid.recording.messages import MessageDecoder, MessageError
 from dynid.recording.names import parse_name, says_degrees
-from dynid.recording.opening import (
+from dynid.recording.reading import (
     AnyRecordLike,
     RecordLike,
     as_list,
     open_any,
     open_record,
     open_several,
+    read_record,
+    read_recording,
     remembered_robot,
 )
-from dynid.recording.reading import read_record, read_recording
 from dynid.recording.record import JOINT_QUANTITIES, ExperimentRecord, RecordMetadata, identity
 from dynid.recording.repair.pipeline import (
     RepairSettings,

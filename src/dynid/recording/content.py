@@ -5,8 +5,6 @@ may claim anything: it gets a fixed budget. What a larger file needs grows with 
 long recordings have no bound of their own.
 """
 
-from __future__ import annotations
-
 import bz2
 import importlib
 import shutil
@@ -38,7 +36,7 @@ class Budget:
     """Numbers in the table that is read, and in the arrays it is chosen from."""
 
     @classmethod
-    def of(cls, files: Sequence[Path]) -> Budget:
+    def of(cls, files: Sequence[Path]) -> "Budget":
         """The budget for files that belong together."""
         more = max(0, sum(file.stat().st_size for file in files) - _SMALL)
         return cls(

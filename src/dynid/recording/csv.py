@@ -1,23 +1,250 @@
-"""Text tables: UR `record.py` and ur_rtde logs, any CSV, several files of one run."""
+"""Text tables: UR `record.py` and ur_rtde logs, any CSV, several files of one run.
 
-from dataclasses import replace
+Files of one run stand side by side row by row, or each has a clock of its own.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dynid.core import RecordError
+import numpy as np
+
+from dynid.core import Finding, RecordError
+from dynid.recording.clocks import at_times, rises
 from dynid.recording.columns import assign
 from dynid.recording.content import Budget
-from dynid.recording.dialect import sniff
-from dynid.recording.names import parse_name
-from dynid.recording.sheets import (
-    Sheet,
-    align,
-    lay_side_by_side,
-    names_by_files,
-    own_clocks,
-    paste,
-    quantity_word,
-)
-from dynid.recording.table import RawTable, ReadOptions
+from dynid.recording.dialect import Dialect, sniff
+from dynid.recording.grid import Grid, read_grid
+from dynid.recording.names import OTHER, RANK, TARGET, TARGET_OF, parse_name
+from dynid.recording.table import Mask, RawTable, ReadOptions, rows_with
+
+_FARTHEST = 1.5
+"""Steps between two rows of a file, across which it is still read between them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sheet:
+    """One file's part of the pasted table."""
+
+    dialect: Dialect
+    first: int
+    """The number of its first column among those of all files."""
+    width: int
+    """Columns that it contributes."""
+    numbers: Grid | None = None
+    """Read already, for a file of one number a line."""
+
+    def own(self, columns: Iterable[int]) -> list[int]:
+        """Those of some columns that are this file's, by its own count."""
+        return [k - self.first for k in columns if self.first <= k < self.first + self.width]
+
+    def read(self, columns: list[int], soft: Iterable[int]) -> Grid:
+        """Read columns, by its own count; unreadable cells of `soft` ones are only missing."""
+        if self.numbers is None:
+            return read_grid(self.dialect, columns, frozenset(soft))
+        return replace(
+            self.numbers,
+            values=self.numbers.values.reshape(-1, self.width)[:, columns],
+            rows=self.numbers.rows[:: self.width],
+            reported=rows_with(self.numbers.reported.reshape(-1, self.width)),
+        )
+
+
+def lay_side_by_side(dialects: list[Dialect], joints: int | None = None) -> list[Sheet]:
+    """How many columns each file contributes; the number of joints may be known.
+
+    A file of one number a line that is k times as long as the shortest file is taken row by
+    row as k columns. Where all are as long as each other, and are not as many as the joints,
+    a row has one number a joint.
+
+    Raises:
+        RecordError: A length that is no multiple.
+    """
+    if len(dialects) == 1:
+        return [Sheet(dialect=dialects[0], first=0, width=dialects[0].width)]
+    single = {k: read_grid(d, [0]) for k, d in enumerate(dialects) if d.width == 1}
+    # A table with several columns has as many rows as it has lines: it sets the length too.
+    lengths = [len(grid.rows) for grid in single.values()]
+    lengths += [
+        len(read_grid(d, [0]).rows) for k, d in enumerate(dialects) if single and k not in single
+    ]
+    shortest = min(lengths, default=0)
+    if joints and len(single) == len(dialects) and len(dialects) % joints:
+        even = len(set(lengths)) == 1 and lengths[0] % joints == 0
+        shortest = lengths[0] // joints if even else shortest
+    sheets: list[Sheet] = []
+    first = 0
+    for k, dialect in enumerate(dialects):
+        width, numbers = dialect.width, single.get(k)
+        if numbers is not None:
+            width, rest = divmod(len(numbers.rows), shortest)
+            if rest:
+                raise RecordError(
+                    f"{dialect.path.name} has {len(numbers.rows)} numbers, which is no multiple "
+                    f"of the {shortest} rows of the shortest file",
+                    next_step="A number is missing in one of the files; give complete files.",
+                )
+        sheets.append(Sheet(dialect=dialect, first=first, width=width, numbers=numbers))
+        first += width
+    return sheets
+
+
+def paste(sheets: list[Sheet], wanted: list[int], soft: frozenset[int]) -> Grid:
+    """Read columns, counted across files and ascending, row by row; `soft` as in `read_grid`.
+
+    Raises:
+        RecordError: Files of different lengths, where it is not clear which rows are missing.
+    """
+    grids = [sheet.read(local, sheet.own(soft)) for sheet in sheets if (local := sheet.own(wanted))]
+    lengths = [len(grid.values) for grid in grids]
+    shortest = min(lengths)
+    notices = [notice for grid in grids for notice in grid.notices]
+    if max(lengths) > shortest:
+        broken = sum(grid.broken for grid in grids)
+        if broken or max(lengths) > 1.2 * shortest:
+            raise RecordError(
+                "the files do not have the same number of rows",
+                value=lengths,
+                next_step="Give files that were recorded together, without broken lines.",
+            )
+        notices.append(
+            Finding(
+                "truncated_file",
+                f"the files have {' and '.join(map(str, lengths))} rows; cut to {shortest}, taking "
+                "the missing ones to be the last",
+            )
+        )
+    return Grid(
+        values=np.concatenate([grid.values[:shortest] for grid in grids], axis=1),
+        rows=grids[0].rows[:shortest],
+        reported=rows_with(np.column_stack([grid.reported[:shortest] for grid in grids])),
+        notices=tuple(notices),
+    )
+
+
+def own_clocks(sheets: list[Sheet], names: Sequence[str] | None) -> tuple[int, ...]:
+    """The column of time of each file, where several files all have one.
+
+    Without a header it is the first column, where that rises as a clock does.
+
+    Returns:
+        Column numbers within each file; none where a file has no clock.
+    """
+    found: list[int] = []
+    for sheet in sheets:
+        own = names[sheet.first : sheet.first + sheet.width] if names is not None else ()
+        if sheet.numbers is not None or sheet.width < 2 or len(sheets) < 2:
+            return ()
+        clocks = [k for k, name in enumerate(own) if (parse_name(name).meaning or ("",))[0] == "t"]
+        if names is None:
+            column = read_grid(sheet.dialect, [0]).values[:, 0]
+            clocks = [0] if rises(column[np.isfinite(column)]) else []
+        if not clocks:
+            return ()
+        found.append(clocks[0])
+    return tuple(found)
+
+
+def align(
+    sheets: list[Sheet], clocks: tuple[int, ...], wanted: list[int], soft: frozenset[int]
+) -> Grid:
+    """Read columns, counted across files and ascending, at the times of the first file.
+
+    Each file has its column of time in `clocks`. Only the time that all files share is kept.
+    Between its rows a file is read on straight lines; over its gaps it has no values.
+
+    Raises:
+        RecordError: Files of different times.
+    """
+    grids = [
+        sheet.read([clock, *sheet.own(wanted)], {*sheet.own(soft)} - {clock})
+        for sheet, clock in zip(sheets, clocks, strict=True)
+    ]
+    spans = [(float(np.nanmin(g.values[:, 0])), float(np.nanmax(g.values[:, 0]))) for g in grids]
+    begin, end = max(low for low, _ in spans), min(high for _, high in spans)
+    if begin >= end:
+        raise RecordError(
+            "the time ranges of the files do not overlap",
+            value="; ".join(f"{low:.6g} to {high:.6g}" for low, high in spans),
+            next_step="Give files that were recorded together.",
+        )
+    t = grids[0].values[:, 0]
+    inside: Mask = ~((t < begin) | (t > end))
+    others = (grid.values for grid in grids[1:])
+    parts = [at_times(t, own[:, 0], own[:, 1:], _FARTHEST) for own in others]
+    notices = [notice for grid in grids for notice in grid.notices]
+    if max(abs(low - begin) for low, _ in spans) + max(abs(high - end) for _, high in spans) > 0:
+        notices.append(
+            Finding(
+                "truncated_file",
+                f"the files end at {min(high for _, high in spans):.6g} to "
+                f"{max(high for _, high in spans):.6g}; only the time that all share is taken",
+            )
+        )
+    return Grid(
+        values=np.concatenate([grids[0].values[:, 1:], *parts], axis=1)[inside],
+        rows=grids[0].rows[inside],
+        reported=grids[0].reported[inside],
+        notices=tuple(notices),
+    )
+
+
+def names_by_files(
+    files: Sequence[Path], widths: Sequence[int], clocks: Sequence[int] = ()
+) -> tuple[str, ...] | None:
+    """Column names made of the files' names, as `positions[0]`; None where they do not say.
+
+    Each file tells another quantity. Where files have a column of time each (`clocks`), those whose
+    names say no quantity, or one that another says as well, are left out: their names are empty.
+    """
+    words = [quantity_word(file.stem) for file in files]
+    quantities = [(parse_name(word).meaning or ("",))[0] for word in words]
+    told = [quantities.count(quantity) == 1 and quantity != "" for quantity in quantities]
+    if not (any(told) if clocks else all(told)):
+        return None
+    names: list[str] = []
+    for number, (word, width) in enumerate(zip(words, widths, strict=True)):
+        clock = clocks[number] if clocks else -1
+        count = 0
+        for k in range(width):
+            if k == clock:
+                names.append("time" if number == 0 else f"file{number}/time")
+                continue
+            single = width - bool(clocks) == 1
+            names.append("" if not told[number] else word if single else f"{word}[{count}]")
+            count += 1
+    return tuple(names)
+
+
+def are_one_run(files: Sequence[Path]) -> bool:
+    """Whether files are the signals of one run: their names say positions and torques."""
+    said = {(parse_name(quantity_word(file.stem)).meaning or ("",))[0] for file in files}
+    return "q" in said and bool(said & {"current", "effort"})
+
+
+def quantity_word(stem: str) -> str:
+    """The words of a file's stem that name a quantity; empty where none or several do."""
+    words = [word for word in parse_name(stem.replace(".", "_")).base.split("_") if word]
+    whole = "_".join(words)
+    if whole in RANK:
+        return whole
+    if OTHER & set(words):
+        return ""
+    # A single letter beside other words is too little to tell by.
+    found = [
+        (j - i, "_".join(words[i:j]))
+        for i in range(len(words))
+        for j in range(i + 1, len(words) + 1)
+        if "_".join(words[i:j]) in RANK and len("_".join(words[i:j])) > 1
+    ]
+    longest = max((length for length, _ in found), default=0)
+    best = {text for length, text in found if length == longest}
+    if len({RANK[text][0] for text in best}) != 1:
+        return ""
+    word = min(best)
+    asked = TARGET & set(words) and RANK[word][0] in TARGET_OF
+    return f"desired_{word}" if asked and not word.startswith("desired") else word
+
 
 _MAX_CHANNELS = 128
 _MAX_CHANNEL_CELLS = 20_000_000

@@ -1,7 +1,5 @@
 """ROS recordings: the JointState messages of a bag, joints matched by name."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence

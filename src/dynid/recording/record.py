@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from types import MappingProxyType
@@ -204,15 +205,35 @@ class Description:
         )
 
 
+def with_gains(found: RecordMetadata, joints: int, gains: Sequence[float] | None) -> RecordMetadata:
+    """Metadata with drive gains (n) [N.m/A] in place of its own; None keeps those.
+
+    Raises:
+        RecordError: Not one finite gain a joint, other than zero.
+    """
+    if gains is None:
+        return found
+    try:
+        values = tuple(map(float, gains))
+    except (TypeError, ValueError):
+        values = ()
+    if len(values) != joints or not all(math.isfinite(gain) and gain for gain in values):
+        raise RecordError(
+            "one drive gain a joint is needed, finite and not zero [N.m/A]",
+            where="--gains",
+            value=",".join(map(str, gains)),
+            limit=f"{joints} joints",
+        )
+    return replace(found, drive_gains=values)
+
+
 def of_robot(
-    found: RecordMetadata, joints: int, robot: RobotModel | None, gains: Sequence[float] | None
+    found: RecordMetadata, joints: int, robot: RobotModel | None
 ) -> tuple[RecordMetadata, tuple[int, ...]]:
     """Metadata fitted to a robot, and the columns in the order of the robot's joints.
 
-    Drive gains [N.m/A] override those of the recording.
-
     Raises:
-        RecordError: Another number of joints or gains.
+        RecordError: Another number of joints.
     """
     order = tuple(range(joints))
     if robot is not None:
@@ -226,12 +247,6 @@ def of_robot(
             own = None if own is None else tuple(own[k] for k in order)
             found = replace(found, joint_names=robot.joint_names, drive_gains=own)
         found = replace(found, robot=robot.name)
-    if gains is not None:
-        if len(gains) != joints:
-            raise RecordError(
-                "the number of gains is not the number of joints", value=gains, limit=joints
-            )
-        found = replace(found, drive_gains=tuple(gains))
     return found, order
 
 

@@ -278,10 +278,8 @@ def _whole(description: dict[str, Any], columns: dict[str, Array]) -> Experiment
     return found.record(ordered)
 
 
-def fitted(
-    record: ExperimentRecord, robot: RobotModel | None, gains: tuple[float, ...] | None
-) -> ExperimentRecord:
+def fitted(record: ExperimentRecord, robot: RobotModel | None) -> ExperimentRecord:
     """A recording of ours, fitted to a robot; see `of_robot`."""
-    metadata, order = of_robot(record.metadata, record.joints, robot, gains)
+    metadata, order = of_robot(record.metadata, record.joints, robot)
     signals = {name: value[:, list(order)] for name, value in record.signals.items()}
     return replace(record, signals=signals, metadata=metadata)

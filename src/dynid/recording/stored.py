@@ -26,6 +26,7 @@ from dynid.recording.record import (
     column_names,
     identity,
     of_robot,
+    with_gains,
 )
 from dynid.recording.store import KEY, is_own
 from dynid.robot import RobotModel
@@ -233,13 +234,13 @@ def open_stored(
         description: dict[str, Any] = parse_json(entries[KEY].decode())
         found = Description.of(description, description["problems"])
         digest = str(description["digest"])
-        metadata, order = of_robot(found.metadata, found.joints, robot, gains)
+        metadata, order = of_robot(found.metadata, found.joints, robot)
     return StoredRecording(
         path=file,
         samples=int(footer.num_rows),
         joints=found.joints,
         quantities=found.quantities,
-        metadata=metadata,
+        metadata=with_gains(metadata, found.joints, gains),
         problems=found.problems,
         fingerprint=digest,
         order=order,

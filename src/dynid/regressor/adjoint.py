@@ -11,8 +11,6 @@ and accelerations go back from tip to base together; turning joint i by dq chang
 Weighted torques are the sum whose weights are the parameters times the multipliers.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

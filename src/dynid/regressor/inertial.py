@@ -1,7 +1,5 @@
 """The inertial columns of the regressor, batched over samples in compiled kernels."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The inverse dynamic model: torques linear in the standard parameters, Y p = tau."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -77,7 +75,7 @@ class InverseDynamicModel:
         object.__setattr__(self, "columns", inertial + added)
         object.__setattr__(self, "constants", chain_constants(robot, frames))
 
-    def with_coulomb_width(self, width: float) -> InverseDynamicModel:
+    def with_coulomb_width(self, width: float) -> "InverseDynamicModel":
         """The same model with Coulomb steps of another width [rad/s or m/s].
 
         A wider step has a slope that an optimiser can follow.

@@ -1,7 +1,5 @@
 """Spatial vectors of the recursions, several samples side by side (Featherstone, ch. 2)."""
 
-from __future__ import annotations
-
 from numba import njit
 
 from dynid.core import Array

@@ -3,8 +3,6 @@
 Friction: smoothed Coulomb, load-dependent, presliding (Dahl) and gear ripple.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -325,7 +323,7 @@ class FrictionTerms:
         if joints != sorted(set(joints)):
             raise InputError("torque ripple by joint, each once", value=joints)
 
-    def without(self, names: Collection[str], joints: int) -> FrictionTerms:
+    def without(self, names: Collection[str], joints: int) -> "FrictionTerms":
         """These terms of so many joints without named parameters, such as `Fv3`.
 
         A joint without Coulomb friction has no presliding.

@@ -5,19 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dynid import figures as draw
 from dynid.core import Array
-from dynid.figures import (
-    Axis,
-    Figure,
-    Level,
-    Line,
-    Panel,
-    axis_around,
-    joint_role,
-    joint_unit,
-    number,
-    units,
-)
 from dynid.identification import StandardParameters
 from dynid.report.contents import (
     JudgedMotion,
@@ -40,7 +29,7 @@ SAMPLES = 1000
 QUANTITIES = (("position", "rad"), ("velocity", "rad/s"), ("acceleration", "rad/s^2"))
 
 
-def design_figures(item: ReportedDesign) -> tuple[Figure, ...]:
+def design_figures(item: ReportedDesign) -> tuple[draw.Figure, ...]:
     """All figures of a design.
 
     Args:
@@ -51,7 +40,7 @@ def design_figures(item: ReportedDesign) -> tuple[Figure, ...]:
     return (_motion_figure(item), *judged, *search)
 
 
-def _motion_figure(item: ReportedDesign) -> Figure:
+def _motion_figure(item: ReportedDesign) -> draw.Figure:
     """Positions, velocities and accelerations, and what they use of their limits."""
     names, slides = joint_labels(item.robot.joint_names), item.robot.prismatic
     motion = item.trajectory.evaluate(np.linspace(0.0, item.trajectory.duration, SAMPLES))
@@ -62,7 +51,7 @@ def _motion_figure(item: ReportedDesign) -> Figure:
         np.abs(motion.dq) / item.bounds.velocity,
         np.abs(motion.ddq) / item.bounds.acceleration,
     )
-    panels: list[Panel] = []
+    panels: list[draw.Panel] = []
     for (what, unit), values, share in zip(
         QUANTITIES, (motion.q, motion.dq, motion.ddq), used, strict=True
     ):
@@ -70,26 +59,26 @@ def _motion_figure(item: ReportedDesign) -> Figure:
         most = 100 * share[:, known].max(initial=0.0)
         largest = f", at most {most:.0f} % of its limit"
         panels.append(
-            Panel(
-                title=f"{what.capitalize()} [{joint_unit(unit, slides)}]"
+            draw.Panel(
+                title=f"{what.capitalize()} [{draw.joint_unit(unit, slides)}]"
                 + (largest if known.any() else ""),
-                y=axis_around(values, zero=True),
+                y=draw.axis_around(values, zero=True),
                 marks=tuple(
-                    Line(motion.t, values[:, j], joint_role(j), name)
+                    draw.Line(motion.t, values[:, j], draw.joint_role(j), name)
                     for j, name in enumerate(names)
                 ),
                 height=110,
             )
         )
-    return Figure(
+    return draw.Figure(
         title="One period",
-        x=Axis(low=0, high=item.trajectory.duration, label="time [s]"),
+        x=draw.Axis(low=0, high=item.trajectory.duration, label="time [s]"),
         panels=tuple(panels),
         link=f"period {item.name}",
     )
 
 
-def _arm_figures(judged: JudgedMotion, name: str) -> Iterator[Figure]:
+def _arm_figures(judged: JudgedMotion, name: str) -> Iterator[draw.Figure]:
     """Shares of the limits of the whole arm, and distances beyond what must be kept."""
     for title, values, kinds, level in (
         ("Share of the arm's limits [%]", 100 * judged.shares, judged.kinds, 100.0),
@@ -98,31 +87,31 @@ def _arm_figures(judged: JudgedMotion, name: str) -> Iterator[Figure]:
         known = np.isfinite(values).all(axis=0)
         if known.any():
             curves = (
-                Line(judged.t, values[:, k], joint_role(k), kinds[k].replace("_", " "))
+                draw.Line(judged.t, values[:, k], draw.joint_role(k), kinds[k].replace("_", " "))
                 for k in np.flatnonzero(known).tolist()
             )
-            yield Figure(
+            yield draw.Figure(
                 title=title,
-                x=Axis(low=0, high=float(judged.t[-1]), label="time [s]"),
+                x=draw.Axis(low=0, high=float(judged.t[-1]), label="time [s]"),
                 panels=(
-                    Panel(
-                        y=axis_around(values[:, known], [level], zero=True),
-                        marks=(Level(level, name="limit"), *curves),
+                    draw.Panel(
+                        y=draw.axis_around(values[:, known], [level], zero=True),
+                        marks=(draw.Level(level, name="limit"), *curves),
                     ),
                 ),
                 link=name,
             )
 
 
-def _search_figure(item: ReportedDesign, count: Array, best: Array) -> Figure:
+def _search_figure(item: ReportedDesign, count: Array, best: Array) -> draw.Figure:
     criterion = dict(item.facts).get("criterion", "criterion")
-    return Figure(
+    return draw.Figure(
         title=f"Search: best {criterion} so far",
-        x=axis_around(count, label="objective evaluations", zero=True),
+        x=draw.axis_around(count, label="objective evaluations", zero=True),
         panels=(
-            Panel(
-                y=axis_around(best, log=bool((best > 0).all())),
-                marks=(Line(np.repeat(count, 2)[1:], np.repeat(best, 2)[:-1]),),
+            draw.Panel(
+                y=draw.axis_around(best, log=bool((best > 0).all())),
+                marks=(draw.Line(np.repeat(count, 2)[1:], np.repeat(best, 2)[:-1]),),
             ),
         ),
     )
@@ -149,7 +138,7 @@ class Chapter:
 
     title: str
     tables: Sequence[Table] = ()
-    figures: Sequence[Figure] = ()
+    figures: Sequence[draw.Figure] = ()
     words: str = ""
 
 
@@ -180,10 +169,10 @@ def chapters(contents: ReportContents) -> Iterator[Chapter]:
             (
                 group.name,
                 "moved" if group.moved else "did not move",
-                number(group.median_change_percent),
+                draw.number(group.median_change_percent),
                 "" if group.largest is None else compared.names[group.largest],
-                number(group.largest_z),
-                number(group.limit_z),
+                draw.number(group.largest_z),
+                draw.number(group.limit_z),
             )
             for group in compared.groups
         ]
@@ -202,16 +191,16 @@ def chapters(contents: ReportContents) -> Iterator[Chapter]:
 
 def _errors(item: ReportedEstimate, shown: ValidationResult) -> Table:
     robot = item.estimate.model.robot
-    unit = joint_unit("N.m", robot.prismatic)
+    unit = draw.joint_unit("N.m", robot.prismatic)
     whole, moving = shown.metrics, shown.moving
     parts = (whole.rmse, moving.rmse, whole.relative_error_percent, moving.relative_error_percent)
     rows = [
-        (name, *(number(float(part[j])) for part in parts), number(float(whole.r2[j])))
+        (name, *(draw.number(float(part[j])) for part in parts), draw.number(float(whole.r2[j])))
         for j, name in enumerate(joint_labels(robot.joint_names))
     ]
     overall = (whole.relative_error_overall_percent, moving.relative_error_overall_percent)
-    rows.append(("all joints", "", "", *(number(value) for value in overall), ""))
-    rows.append((f"e_N (N = {whole.samples})", number(whole.normalized_error), "", "", "", ""))
+    rows.append(("all joints", "", "", *(draw.number(value) for value in overall), ""))
+    rows.append((f"e_N (N = {whole.samples})", draw.number(whole.normalized_error), "", "", "", ""))
     columns = (f"RMS [{unit}]", f"RMS, moving [{unit}]", "relative [%]", "relative, moving [%]")
     return Table(("joint", *columns, "R²"), rows)
 
@@ -222,10 +211,10 @@ def _parameters(item: ReportedEstimate) -> Chapter:
     rows = [
         (
             name,
-            number(float(estimate.values[k]), 4),
-            units(estimate.units[k]),
-            number(float(estimate.std[k]), 2),
-            number(float(relative[k]), 2),
+            draw.number(float(estimate.values[k]), 4),
+            draw.units(estimate.units[k]),
+            draw.number(float(estimate.std[k]), 2),
+            draw.number(float(relative[k]), 2),
             "" if k in estimate.essential else "not significant",
             estimate.expressions[k],
         )
@@ -245,11 +234,11 @@ def _standard(item: ReportedEstimate, found: StandardParameters) -> Chapter:
     rows = [
         (
             column.name,
-            number(float(found.values[k]), 4),
-            units(column.unit),
-            number(float(found.std[k]), 2),
-            number(float(found.prior[k]), 4) if np.isfinite(found.prior[k]) else "",
-            number(float(100 * (1 - found.prior_share[k])), 2),
+            draw.number(float(found.values[k]), 4),
+            draw.units(column.unit),
+            draw.number(float(found.std[k]), 2),
+            draw.number(float(found.prior[k]), 4) if np.isfinite(found.prior[k]) else "",
+            draw.number(float(100 * (1 - found.prior_share[k])), 2),
         )
         for k, column in enumerate(item.estimate.model.columns)
     ]
@@ -269,7 +258,7 @@ def _others(contents: ReportContents) -> Chapter:
             (
                 item.label or item.name,
                 LEVEL_WORDS[item.level],
-                number(error, 2),
+                draw.number(error, 2),
                 str(len(item.estimate.values)),
                 item.estimate.estimator,
                 item.name,
@@ -289,8 +278,8 @@ def _made(contents: ReportContents) -> Iterator[Chapter]:
             ("made", made.created),
             ("estimator", f"{item.estimate.estimator}, preset {item.estimate.preset}"),
             ("samples in the fit", str(item.estimate.samples)),
-            ("condition number of the motion", number(item.estimate.motion_condition_number)),
-            ("condition number of the regressor", number(item.estimate.condition_number)),
+            ("condition number of the motion", draw.number(item.estimate.motion_condition_number)),
+            ("condition number of the regressor", draw.number(item.estimate.condition_number)),
             *((f"version of {name}", value) for name, value in made.versions.items()),
             *((f"input {name}", f"SHA-256 {value}") for name, value in made.inputs.items()),
             *(

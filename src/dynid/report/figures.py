@@ -2,27 +2,8 @@
 
 import numpy as np
 
+from dynid import figures as draw
 from dynid.core import Array
-from dynid.figures import (
-    Axis,
-    Band,
-    Bars,
-    Figure,
-    Level,
-    Line,
-    Mark,
-    Panel,
-    Points,
-    Ranges,
-    Spans,
-    axis_around,
-    category_axis,
-    joint_role,
-    joint_unit,
-    number,
-    shaded,
-    units,
-)
 from dynid.identification import Estimate
 from dynid.reduction import BaseParametrization
 from dynid.report.contents import ReportedEstimate, joint_labels
@@ -44,23 +25,31 @@ def worst_first(result: ValidationResult) -> list[int]:
     return np.argsort(-error, kind="stable").tolist()
 
 
-def time_axis(result: ValidationResult) -> Axis:
+def time_axis(result: ValidationResult) -> draw.Axis:
     """The time of a prediction."""
     first, last = float(result.t[0]), float(result.t[-1])
-    return Axis(low=first, high=max(last, first + 1e-3), label="time [s]")
+    return draw.Axis(low=first, high=max(last, first + 1e-3), label="time [s]")
 
 
-def torque_panels(item: ReportedEstimate, result: ValidationResult, j: int) -> tuple[Panel, Panel]:
+def torque_panels(
+    item: ReportedEstimate, result: ValidationResult, j: int
+) -> tuple[draw.Panel, draw.Panel]:
     """Measured and predicted torque of a joint (from 0), and its residual on a scale of its own."""
     robot = item.estimate.model.robot
     name = joint_labels(robot.joint_names)[j]
-    unit = f"[{joint_unit('N.m', robot.prismatic[j : j + 1])}]"
+    unit = f"[{draw.joint_unit('N.m', robot.prismatic[j : j + 1])}]"
     t, measured, predicted = result.t, result.measured[:, j], result.predicted[:, j]
     error = measured - predicted
-    events: tuple[Mark, ...] = (
-        Spans(shaded(t, np.abs(result.dq[:, j]) < MOVING_SPEED, STANDSTILL_S), name="standstill"),
-        *((Spans(item.events.contacts, "contact", "contact"),) if item.events.contacts else ()),
-        *((Spans(item.events.left_out, "panel", "left out"),) if item.events.left_out else ()),
+    events: tuple[draw.Mark, ...] = (
+        draw.Spans(
+            draw.shaded(t, np.abs(result.dq[:, j]) < MOVING_SPEED, STANDSTILL_S), name="standstill"
+        ),
+        *(
+            (draw.Spans(item.events.contacts, "contact", "contact"),)
+            if item.events.contacts
+            else ()
+        ),
+        *((draw.Spans(item.events.left_out, "panel", "left out"),) if item.events.left_out else ()),
     )
     moving = np.abs(result.dq[:, j]) >= MOVING_SPEED
     usual = float(np.std(error[moving])) if moving.any() else float(np.std(error))
@@ -68,22 +57,22 @@ def torque_panels(item: ReportedEstimate, result: ValidationResult, j: int) -> t
     told = item.estimate.assessment
     noise = 0.0 if told is None else float(told.noise_floor[j])
     edges = ([-2 * noise] * 2, [2 * noise] * 2)
-    band = (Band(t[[0, -1]], *edges, name="noise ±2 σ"),) if noise else ()  # noqa: RUF001
+    band = (draw.Band(t[[0, -1]], *edges, name="noise ±2 σ"),) if noise else ()  # noqa: RUF001
     return (
-        Panel(
+        draw.Panel(
             title=name,
-            y=axis_around(measured, predicted, label=unit, zero=True),
+            y=draw.axis_around(measured, predicted, label=unit, zero=True),
             marks=(
                 *events,
-                Line(t, measured, "measured", "measured", 3.2),
-                Line(t, predicted, "predicted", "predicted", 1.4),
+                draw.Line(t, measured, "measured", "measured", 3.2),
+                draw.Line(t, predicted, "predicted", "predicted", 1.4),
             ),
             height=62,
         ),
-        Panel(
+        draw.Panel(
             title=f"{name}, residual",
-            y=Axis(low=-reach, high=reach, label=unit, bounds=True),
-            marks=(*events, *band, Line(t, error, "residual", "residual", 0.8)),
+            y=draw.Axis(low=-reach, high=reach, label=unit, bounds=True),
+            marks=(*events, *band, draw.Line(t, error, "residual", "residual", 0.8)),
             height=30,
         ),
     )
@@ -94,7 +83,7 @@ def _rounded_up(value: float) -> float:
     return float(decade * next(s for s in (1, 2, 3, 4, 5, 6, 8, 10) if s * decade >= value))
 
 
-def torque_figure(item: ReportedEstimate) -> Figure | None:
+def torque_figure(item: ReportedEstimate) -> draw.Figure | None:
     """All joints, the worst first; None without a prediction.
 
     Args:
@@ -105,7 +94,7 @@ def torque_figure(item: ReportedEstimate) -> Figure | None:
         return None
     panels = [p for j in worst_first(result) for p in torque_panels(item, result, j)]
     title = "Measured and predicted torque"
-    return Figure(title=title, x=time_axis(result), panels=tuple(panels), link=TIME)
+    return draw.Figure(title=title, x=time_axis(result), panels=tuple(panels), link=TIME)
 
 
 def _friction_torque(estimate: Estimate, speeds: Array) -> Array:
@@ -117,7 +106,7 @@ def _friction_torque(estimate: Estimate, speeds: Array) -> Array:
     return model.inverse_dynamics(rest, speeds, rest, parameters)
 
 
-def friction_figure(item: ReportedEstimate) -> Figure | None:
+def friction_figure(item: ReportedEstimate) -> draw.Figure | None:
     """Measured torque less the rigid body's, over velocity, with the model's friction.
 
     Args:
@@ -135,47 +124,50 @@ def friction_figure(item: ReportedEstimate) -> Figure | None:
     grid: Array = steps[:, None] * reach
     curve = _friction_torque(estimate, grid)
     known = dict(zip(estimate.names, zip(estimate.values, estimate.std, strict=True), strict=True))
-    panels: list[Panel] = []
+    panels: list[draw.Panel] = []
     for j, name in enumerate(joint_labels(robot.joint_names)):
         chosen = np.unique(np.linspace(0, len(data) - 1, MAX_POINTS).astype(int))
-        marks: list[Mark] = [
-            Points(result.dq[chosen, j], data[chosen, j], name="data", faint=True, size=4.5),
-            Line(grid[:, j], curve[:, j], "predicted", "identified", 2.2),
+        marks: list[draw.Mark] = [
+            draw.Points(result.dq[chosen, j], data[chosen, j], name="data", faint=True, size=4.5),
+            draw.Line(grid[:, j], curve[:, j], "predicted", "identified", 2.2),
         ]
         if item.truth is not None:
             true = item.truth.coulomb[j] * np.sign(grid[:, j])
             true = true + item.truth.viscous[j] * grid[:, j]
-            marks.append(Line(grid[:, j], true, "truth", "ground truth", 1.6, "2 5"))
+            marks.append(draw.Line(grid[:, j], true, "truth", "ground truth", 1.6, "2 5"))
         said = [
-            f"{symbol} {number(float(known[f'{symbol}{j + 1}'][0]))} ± "
-            f"{number(CONFIDENCE * float(known[f'{symbol}{j + 1}'][1]), 2)}"
+            f"{symbol} {draw.number(float(known[f'{symbol}{j + 1}'][0]))} ± "
+            f"{draw.number(CONFIDENCE * float(known[f'{symbol}{j + 1}'][1]), 2)}"
             for symbol in ("Fc", "Fv")
             if f"{symbol}{j + 1}" in known
         ]
         shown = np.percentile(np.abs(data[:, j]), 99.5)
         high = 1.08 * max(float(shown), float(np.abs(curve[:, j]).max()), 1e-6)
         panels.append(
-            Panel(
+            draw.Panel(
                 title=name,
                 note="\n".join(said),
-                x=Axis(low=-float(reach[j]), high=float(reach[j])),
-                y=Axis(low=-high, high=high),
+                x=draw.Axis(low=-float(reach[j]), high=float(reach[j])),
+                y=draw.Axis(low=-high, high=high),
                 marks=tuple(marks),
                 height=112,
                 grid=True,
             )
         )
-    torque, speed = joint_unit("N.m", robot.prismatic), joint_unit("rad/s", robot.prismatic)
-    return Figure(
+    torque, speed = (
+        draw.joint_unit("N.m", robot.prismatic),
+        draw.joint_unit("rad/s", robot.prismatic),
+    )
+    return draw.Figure(
         title="Friction",
         note=f"Torque [{torque}] over speed [{speed}]; 95 % intervals of Fc and Fv.",
-        x=Axis(low=-1, high=1, label=f"speed [{speed}]"),
+        x=draw.Axis(low=-1, high=1, label=f"speed [{speed}]"),
         panels=tuple(panels),
         columns=3,
     )
 
 
-def links_figure(item: ReportedEstimate) -> Figure | None:
+def links_figure(item: ReportedEstimate) -> draw.Figure | None:
     """Masses and centres less the published ones, with intervals, and how much of them is data.
 
     Args:
@@ -201,31 +193,31 @@ def links_figure(item: ReportedEstimate) -> Figure | None:
     true_centre = None
     if truth is not None:
         true_centre = 1000 * (truth[:, 1:4] / truth[:, :1] - prior[:, 1:4] / known)
+    masses = [draw.number(float(value)) for value in values[:, 0]]
+    around = [draw.number(CONFIDENCE * float(value), 2) for value in std[:, 0]]
     labels = [
-        f"{name}  {number(float(values[k, 0]))} ± {number(CONFIDENCE * float(std[k, 0]), 2)} kg"
-        if share[k, 0] > 1
-        else f"{name}  {number(float(values[k, 0]))} kg"
+        f"{name}  {masses[k]}{f' ± {around[k]}' if share[k, 0] > 1 else ''} kg"
         for k, name in enumerate(names)
     ]
     height = 34.0 * n
-    return Figure(
+    return draw.Figure(
         title="Links",
         note="Identified less published, 95 % intervals; centre x, y, z from top to bottom. Each "
         "link is named by the joint that moves it.",
-        x=Axis(low=0, high=1),
+        x=draw.Axis(low=0, high=1),
         panels=(
-            Panel(
+            draw.Panel(
                 title="Mass [%]",
                 x=_around(change, deviation, true_mass),
-                y=category_axis(labels),
+                y=draw.category_axis(labels),
                 marks=_intervals(rows, change, deviation, share[:, 0], true_mass),
                 height=height,
                 grid=True,
             ),
-            Panel(
+            draw.Panel(
                 title="Centre of mass [mm]",
                 x=_around(centre, spread, true_centre),
-                y=category_axis(names),
+                y=draw.category_axis(names),
                 marks=_intervals(
                     places.ravel(),
                     centre.ravel(),
@@ -236,15 +228,17 @@ def links_figure(item: ReportedEstimate) -> Figure | None:
                 height=height,
                 grid=True,
             ),
-            Panel(
+            draw.Panel(
                 title="From data [%]",
                 note="mass, centre, inertia",
-                x=Axis(low=0, high=100),
-                y=category_axis(names),
+                x=draw.Axis(low=0, high=100),
+                y=draw.category_axis(names),
                 marks=(
-                    Bars(places[:, 0], share[:, 0], thickness=0.2, across=True),
-                    Bars(places[:, 1], share[:, 1:4].mean(axis=1), thickness=0.2, across=True),
-                    Bars(places[:, 2], share[:, 4:10].mean(axis=1), thickness=0.2, across=True),
+                    draw.Bars(places[:, 0], share[:, 0], thickness=0.2, across=True),
+                    draw.Bars(places[:, 1], share[:, 1:4].mean(axis=1), thickness=0.2, across=True),
+                    draw.Bars(
+                        places[:, 2], share[:, 4:10].mean(axis=1), thickness=0.2, across=True
+                    ),
                 ),
                 height=height,
                 grid=True,
@@ -255,27 +249,27 @@ def links_figure(item: ReportedEstimate) -> Figure | None:
     )
 
 
-def _around(values: Array, std: Array, truth: Array | None) -> Axis:
+def _around(values: Array, std: Array, truth: Array | None) -> draw.Axis:
     sizes = [np.abs(values) + CONFIDENCE * std, *([] if truth is None else [np.abs(truth)])]
     # A link that only the prior knows must not set the scale of all others.
     reach = float(np.nanpercentile(np.concatenate([s.ravel() for s in sizes]), 95))
     reach = max(1.1 * reach, 1e-3)
-    return Axis(low=-reach, high=reach)
+    return draw.Axis(low=-reach, high=reach)
 
 
 def _intervals(
     at: Array, values: Array, std: Array, share: Array, truth: Array | None
-) -> tuple[Mark, ...]:
+) -> tuple[draw.Mark, ...]:
     data = share >= 50
     low, high = values - CONFIDENCE * std, values + CONFIDENCE * std
-    marks: list[Mark] = [Level(0.0, "limit", upright=True, dash="")]
+    marks: list[draw.Mark] = [draw.Level(0.0, "limit", upright=True, dash="")]
     if truth is not None:
-        marks.append(Ranges(truth, at - 0.13, at + 0.13, "truth", "ground truth", 2.2))
+        marks.append(draw.Ranges(truth, at - 0.13, at + 0.13, "truth", "ground truth", 2.2))
     marks += [
-        Ranges(at[data], low[data], high[data], "predicted", width=1.6, across=True),
-        Points(values[data], at[data], "predicted", "from data", 7),
-        Ranges(at[~data], low[~data], high[~data], "limit", width=1.2, across=True),
-        Points(values[~data], at[~data], "limit", "mostly published", 7, hollow=True),
+        draw.Ranges(at[data], low[data], high[data], "predicted", width=1.6, across=True),
+        draw.Points(values[data], at[data], "predicted", "from data", 7),
+        draw.Ranges(at[~data], low[~data], high[~data], "limit", width=1.2, across=True),
+        draw.Points(values[~data], at[~data], "limit", "mostly published", 7, hollow=True),
     ]
     return tuple(marks)
 
@@ -288,7 +282,7 @@ MODEL_NAMES = {
 MODEL_ROLES = {"published": "published", "published_friction": "joint5", "identified": "predicted"}
 
 
-def models_figure(item: ReportedEstimate) -> Figure | None:
+def models_figure(item: ReportedEstimate) -> draw.Figure | None:
     """Errors of rival models on data left out, joint by joint; None where they are not known."""
     told = item.estimate.assessment
     if told is None or not told.models:
@@ -297,7 +291,7 @@ def models_figure(item: ReportedEstimate) -> Figure | None:
     width, rows = 0.8 / len(shown), np.arange(len(told.torque), dtype=np.float64)
     errors = [100 * model.rms / np.maximum(told.torque, 1e-9) for model in shown]
     marks = tuple(
-        Bars(
+        draw.Bars(
             rows + (k - (len(shown) - 1) / 2) * width,
             error,
             MODEL_ROLES.get(model.name, "predicted"),
@@ -308,37 +302,37 @@ def models_figure(item: ReportedEstimate) -> Figure | None:
         for k, (model, error) in enumerate(zip(shown, errors, strict=True))
     )
     highest = max(1.08 * float(np.max(errors)), 1e-6)
-    names = category_axis(joint_labels(item.estimate.model.robot.joint_names))
-    return Figure(
+    names = draw.category_axis(joint_labels(item.estimate.model.robot.joint_names))
+    return draw.Figure(
         title="Error by joint [% of RMS torque], on data left out",
-        x=Axis(low=0, high=highest),
-        panels=(Panel(y=names, marks=marks, height=22.0 * len(rows), grid=True),),
+        x=draw.Axis(low=0, high=highest),
+        panels=(draw.Panel(y=names, marks=marks, height=22.0 * len(rows), grid=True),),
     )
 
 
-def parameter_figure(estimate: Estimate) -> Figure:
+def parameter_figure(estimate: Estimate) -> draw.Figure:
     """Each base parameter with its 95 % interval, over the size of its kind.
 
     Args:
         estimate: The estimate; parameters that are not significant are hollow.
     """
     kinds = list(dict.fromkeys(estimate.units))
-    panels: list[Panel] = []
+    panels: list[draw.Panel] = []
     for unit in kinds:
         chosen = [k for k, other in enumerate(estimate.units) if other == unit]
         values, half = estimate.values[chosen], CONFIDENCE * estimate.std[chosen]
         solid = np.array([k in estimate.essential for k in chosen])
         rows = np.arange(len(chosen), dtype=np.float64)
         panels.append(
-            Panel(
-                title=f"[{units(unit)}]",
-                x=axis_around(values - half, values + half, zero=True),
-                y=category_axis([estimate.names[k] for k in chosen]),
+            draw.Panel(
+                title=f"[{draw.units(unit)}]",
+                x=draw.axis_around(values - half, values + half, zero=True),
+                y=draw.category_axis([estimate.names[k] for k in chosen]),
                 marks=(
-                    Level(0.0, upright=True, dash=""),
-                    Ranges(rows, values - half, values + half, "predicted", across=True),
-                    Points(values[solid], rows[solid], "predicted", "significant", 6),
-                    Points(
+                    draw.Level(0.0, upright=True, dash=""),
+                    draw.Ranges(rows, values - half, values + half, "predicted", across=True),
+                    draw.Points(values[solid], rows[solid], "predicted", "significant", 6),
+                    draw.Points(
                         values[~solid], rows[~solid], "predicted", "not significant", 6, hollow=True
                     ),
                 ),
@@ -346,15 +340,15 @@ def parameter_figure(estimate: Estimate) -> Figure:
                 grid=True,
             )
         )
-    return Figure(
+    return draw.Figure(
         title="Base parameters with 95 % intervals",
-        x=Axis(low=0, high=1),
+        x=draw.Axis(low=0, high=1),
         panels=tuple(panels),
         columns=min(3, len(panels)),
     )
 
 
-def changes_figure(first: str, second: str, compared: ParameterComparison) -> Figure | None:
+def changes_figure(first: str, second: str, compared: ParameterComparison) -> draw.Figure | None:
     """How friction changed from one estimate to another, with 95 % intervals."""
     chosen = [k for k, name in enumerate(compared.names) if name.startswith(("Fc", "Fv"))]
     if not chosen:
@@ -362,15 +356,15 @@ def changes_figure(first: str, second: str, compared: ParameterComparison) -> Fi
     with np.errstate(divide="ignore", invalid="ignore"):
         half = CONFIDENCE * np.abs(compared.change_percent[chosen] / compared.z[chosen])
     change, at = compared.change_percent[chosen], np.arange(len(chosen), dtype=np.float64)
-    return Figure(
+    return draw.Figure(
         title=f"Change of friction [%], {first} to {second}",
-        x=category_axis([compared.names[k] for k in chosen]),
+        x=draw.category_axis([compared.names[k] for k in chosen]),
         panels=(
-            Panel(
-                y=axis_around(change - half, change + half, zero=True),
+            draw.Panel(
+                y=draw.axis_around(change - half, change + half, zero=True),
                 marks=(
-                    Bars(at, change, "predicted", "change", 0.6),
-                    Ranges(at, change - half, change + half, "ink", "95 % interval"),
+                    draw.Bars(at, change, "predicted", "change", 0.6),
+                    draw.Ranges(at, change - half, change + half, "ink", "95 % interval"),
                 ),
                 height=140,
             ),
@@ -378,22 +372,22 @@ def changes_figure(first: str, second: str, compared: ParameterComparison) -> Fi
     )
 
 
-def singular_figure(base: BaseParametrization) -> Figure:
+def singular_figure(base: BaseParametrization) -> draw.Figure:
     """Singular values of the stacked regressor; the line stands at the rank."""
     values = np.asarray(base.singular_values)
     count = np.arange(1.0, len(values) + 1)
     relative = np.maximum(values / values[0], 1e-17)
-    return Figure(
+    return draw.Figure(
         title=f"{base.rank} of {len(values)} directions are identifiable",
-        x=Axis(low=0, high=len(values) + 1.0, label="index"),
+        x=draw.Axis(low=0, high=len(values) + 1.0, label="index"),
         panels=(
-            Panel(
+            draw.Panel(
                 title="Singular value over the largest",
-                y=axis_around(relative, log=True),
+                y=draw.axis_around(relative, log=True),
                 marks=(
-                    Level(base.tolerance, name="tolerance"),
-                    Level(base.rank + 0.5, upright=True, name="rank"),
-                    Points(count, relative, "predicted", size=4),
+                    draw.Level(base.tolerance, name="tolerance"),
+                    draw.Level(base.rank + 0.5, upright=True, name="rank"),
+                    draw.Points(count, relative, "predicted", size=4),
                 ),
                 height=140,
             ),
@@ -401,7 +395,7 @@ def singular_figure(base: BaseParametrization) -> Figure:
     )
 
 
-def residual_figure(item: ReportedEstimate) -> Figure | None:
+def residual_figure(item: ReportedEstimate) -> draw.Figure | None:
     """Residuals over velocity: a shape in a cloud is something that the model lacks."""
     result = item.shown
     if result is None:
@@ -410,19 +404,23 @@ def residual_figure(item: ReportedEstimate) -> Figure | None:
     error = result.measured - result.predicted
     chosen = np.unique(np.linspace(0, len(error) - 1, 2 * MAX_POINTS).astype(int))
     panels = [
-        Panel(
+        draw.Panel(
             title=name,
-            x=axis_around(result.dq[:, j], even=True),
-            y=axis_around(np.percentile(error[:, j], [0.5, 99.5]), even=True),
-            marks=(Points(result.dq[chosen, j], error[chosen, j], "residual", size=3, faint=True),),
+            x=draw.axis_around(result.dq[:, j], even=True),
+            y=draw.axis_around(np.percentile(error[:, j], [0.5, 99.5]), even=True),
+            marks=(
+                draw.Points(result.dq[chosen, j], error[chosen, j], "residual", size=3, faint=True),
+            ),
             height=110,
             grid=True,
         )
         for j, name in enumerate(joint_labels(robot.joint_names))
     ]
-    return Figure(
-        title=f"Residual [{joint_unit('N.m', robot.prismatic)}] over velocity",
-        x=Axis(low=-1, high=1, label=f"velocity [{joint_unit('rad/s', robot.prismatic)}]"),
+    return draw.Figure(
+        title=f"Residual [{draw.joint_unit('N.m', robot.prismatic)}] over velocity",
+        x=draw.Axis(
+            low=-1, high=1, label=f"velocity [{draw.joint_unit('rad/s', robot.prismatic)}]"
+        ),
         panels=tuple(panels),
         columns=3,
     )
@@ -431,7 +429,7 @@ def residual_figure(item: ReportedEstimate) -> Figure | None:
 LAGS = 200
 
 
-def correlation_figure(item: ReportedEstimate) -> Figure | None:
+def correlation_figure(item: ReportedEstimate) -> draw.Figure | None:
     """Autocorrelation of the residuals; white ones stay inside the dashed lines."""
     result = item.shown
     if result is None or len(result.t) < 3:
@@ -446,12 +444,12 @@ def correlation_figure(item: ReportedEstimate) -> Figure | None:
     bound = CONFIDENCE / np.sqrt(len(error))
     names = joint_labels(item.estimate.model.robot.joint_names)
     curves = [
-        Line(np.arange(lags + 1.0), raw[:, j] / scale[j], joint_role(j), name)
+        draw.Line(np.arange(lags + 1.0), raw[:, j] / scale[j], draw.joint_role(j), name)
         for j, name in enumerate(names)
     ]
-    marks = (Level(bound, name="95 % of white noise"), Level(-bound), *curves)
-    return Figure(
+    marks = (draw.Level(bound, name="95 % of white noise"), draw.Level(-bound), *curves)
+    return draw.Figure(
         title="Autocorrelation of the residuals",
-        x=Axis(low=0, high=float(lags), label="lag [samples]"),
-        panels=(Panel(y=Axis(low=-1, high=1), marks=marks, height=140),),
+        x=draw.Axis(low=0, high=float(lags), label="lag [samples]"),
+        panels=(draw.Panel(y=draw.Axis(low=-1, high=1), marks=marks, height=140),),
     )

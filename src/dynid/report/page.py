@@ -10,26 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from dynid import figures as draw
 from dynid.core import Array, InputError, make_folder, require, require_absent, write_text
-from dynid.figures import (
-    Axis,
-    Figure,
-    Line,
-    Mark,
-    Panel,
-    Points,
-    Ranges,
-    axis_around,
-    file_name,
-    fragment,
-    key,
-    legend,
-    number,
-    plot,
-    script,
-    style,
-    write_figure,
-)
 from dynid.identification import CONFIDENCE, JointState, Trend
 from dynid.report import screens
 from dynid.report.appendix import chapters
@@ -87,8 +69,8 @@ def write_fleet_page(
         path,
         '<!doctype html><html lang="en"><meta charset="utf-8"><title>Fleet</title>'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<style>{style()}{STYLE}</style><body>{''.join(parts)}"
-        f"<script>{script()}</script></body></html>\n",
+        f"<style>{draw.style()}{STYLE}</style><body>{''.join(parts)}"
+        f"<script>{draw.script()}</script></body></html>\n",
     )
 
 
@@ -107,17 +89,17 @@ def _plots(joints: Sequence[JointState]) -> str:
     last = max(float(d[-1]) for d in days)
     # Seconds since 1970 have no ticks that a reader knows.
     label = f"days since {np.datetime64(int(first), 'D')}"
-    figure = Figure(
+    figure = draw.Figure(
         title="Values at the reference temperature with 95 % intervals",
-        x=Axis(low=-0.5, high=max(last - first, 1.0) + 0.5, label=label),
+        x=draw.Axis(low=-0.5, high=max(last - first, 1.0) + 0.5, label=label),
         panels=tuple(panel for joint in known for panel in _panels(joint, first)),
         columns=2,
         link=f"fleet-{joints[0].robot}",
     )
-    return fragment(figure)
+    return draw.fragment(figure)
 
 
-def _panels(joint: JointState, first_day: float) -> Iterator[Panel]:
+def _panels(joint: JointState, first_day: float) -> Iterator[draw.Panel]:
     step, low, high = joint.change_percent
     told = f"{joint.name}: step {step:+.1f} % ({low:+.1f} to {high:+.1f}), p {joint.friction_p:.2g}"
     for trend, label, title, alarm in (
@@ -130,18 +112,20 @@ def _panels(joint: JointState, first_day: float) -> Iterator[Panel]:
         ),
     ):
         if trend is None:
-            yield Panel(marks=(), y=Axis(low=0.0, high=1.0), title=title, height=PLOT_HEIGHT)
+            yield draw.Panel(
+                marks=(), y=draw.Axis(low=0.0, high=1.0), title=title, height=PLOT_HEIGHT
+            )
             continue
         days, reach = trend.time_s / DAY_S - first_day, CONFIDENCE * trend.std
         low_end, high_end = trend.at_reference - reach, trend.at_reference + reach
-        marks: tuple[Mark, ...] = (
-            Ranges(days, low_end, high_end, "published"),
-            Points(days, trend.at_reference, "measured", "a recording"),
-            Line(*_level(trend, days, alarm), "no" if alarm else "predicted", "fitted level"),
+        marks: tuple[draw.Mark, ...] = (
+            draw.Ranges(days, low_end, high_end, "published"),
+            draw.Points(days, trend.at_reference, "measured", "a recording"),
+            draw.Line(*_level(trend, days, alarm), "no" if alarm else "predicted", "fitted level"),
         )
-        yield Panel(
+        yield draw.Panel(
             marks=marks,
-            y=axis_around(low_end, high_end, label=label),
+            y=draw.axis_around(low_end, high_end, label=label),
             title=title,
             height=PLOT_HEIGHT,
         )
@@ -158,7 +142,7 @@ def _level(trend: Trend, days: Array, stepped: bool) -> tuple[Array, Array]:
     )
 
 
-def _report_figures(contents: ReportContents) -> tuple[Figure, ...]:
+def _report_figures(contents: ReportContents) -> tuple[draw.Figure, ...]:
     """All figures of a report, those that decide first."""
     item = contents.estimates[0]
     drawn = (torque_figure(item), friction_figure(item), links_figure(item), models_figure(item))
@@ -188,12 +172,12 @@ def write_figures(
     make_folder(target)
     endings = (".svg", ".png") if png else (".svg",)
     places = [
-        (figure, target / f"{k:02d}-{file_name(figure.title)}{ending}")
+        (figure, target / f"{k:02d}-{draw.file_name(figure.title)}{ending}")
         for k, figure in enumerate(_report_figures(contents), start=1)
         for ending in endings
     ]
     require_absent(*(path for _, path in places), force=force)
-    return tuple(write_figure(figure, path) for figure, path in places)
+    return tuple(draw.write_figure(figure, path) for figure, path in places)
 
 
 def render(contents: ReportContents) -> str:
@@ -213,7 +197,7 @@ def render(contents: ReportContents) -> str:
         autoescape=True, undefined=jinja.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     # Figures escape what they are given themselves.
-    environment.filters |= {"drawn": _drawn, "number": number}
+    environment.filters |= {"drawn": _drawn, "number": draw.number}
     template = environment.from_string(_asset("page.html"))
     page: str = template.render(
         contents=contents,
@@ -224,8 +208,8 @@ def render(contents: ReportContents) -> str:
         links=links_figure(item),
         models=models_figure(item),
         chapters=list(chapters(contents)),
-        style=_markup(style() + _asset("page.css")),
-        script=_markup(script() + _asset("page.js")),
+        style=_markup(draw.style() + _asset("page.css")),
+        script=_markup(draw.script() + _asset("page.js")),
         version=version("dynid"),
         link=TIME,
     )
@@ -263,16 +247,18 @@ def _torque(item: ReportedEstimate) -> dict[str, Any] | None:
             "percent": float(result.moving.relative_error_percent[j]),
             "rms": float(result.moving.rmse[j]),
             "unit": main.y.label.strip("[]"),
-            "main": _markup(plot(main, axis, ticks=False, link=TIME)),
-            "strip": _markup(plot(strip, axis, ticks=j == order[-1], link=TIME)),
+            "main": _markup(draw.plot(main, axis, ticks=False, link=TIME)),
+            "strip": _markup(draw.plot(strip, axis, ticks=j == order[-1], link=TIME)),
         }
         for j, (main, strip) in zip(order, panels, strict=True)
     ]
     return {
         "rows": rows,
-        "key": _markup(key(legend([mark for pair in panels for p in pair for mark in p.marks]))),
+        "key": _markup(
+            draw.key(draw.legend([mark for pair in panels for p in pair for mark in p.marks]))
+        ),
         "first_main": rows[0]["main"],
-        "first_strip": _markup(plot(panels[0][1], axis, link=TIME)),
+        "first_strip": _markup(draw.plot(panels[0][1], axis, link=TIME)),
         "start": axis.low,
         "stop": axis.high,
     }
@@ -282,8 +268,8 @@ def _asset(name: str) -> str:
     return files("dynid.report").joinpath("assets", name).read_text(encoding="utf-8")
 
 
-def _drawn(figure: Figure) -> Any:
-    return _markup(fragment(figure))
+def _drawn(figure: draw.Figure) -> Any:
+    return _markup(draw.fragment(figure))
 
 
 def _markup(text: str) -> Any:

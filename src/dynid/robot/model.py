@@ -1,7 +1,5 @@
 """The robot as a value: a serial chain with mounting, limits, drives and collision bodies."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -311,7 +309,7 @@ class RobotModel:
         if self.safety.elbow > n:
             raise RobotError("the elbow is no joint of this robot", where=self.name)
 
-    def __reduce__(self) -> tuple[Callable[[dict[str, Any]], RobotModel], tuple[dict[str, Any]]]:
+    def __reduce__(self) -> "tuple[Callable[[dict[str, Any]], RobotModel], tuple[dict[str, Any]]]":
         # Read-only mappings cannot be pickled, and worker processes get robots by pickle.
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         values["parameter_frames"] = dict(self.parameter_frames)

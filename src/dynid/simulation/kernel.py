@@ -1,7 +1,5 @@
 """The compiled inner loop of the simulated arm, its MuJoCo model and its set points."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A URScript program that evaluates a motion on the controller of the robot."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -47,7 +45,7 @@ class Piece:
         waves = harmonic_basis(s, 1.0, self.harmonics)[0]
         return powers @ self.polynomial.T + waves @ np.hstack([self.a, self.b]).T
 
-    def slope(self) -> Piece:
+    def slope(self) -> "Piece":
         """The derivative by s, which is again of this form."""
         orders = np.arange(1.0, self.polynomial.shape[1])
         turns = 2.0 * np.pi * np.arange(1, self.harmonics + 1)

@@ -271,8 +271,7 @@ class ParameterComparison:
                 for row in rows
             ],
             "groups": {group.name: self._group_to_json(group) for group in self.groups},
-            "warnings": told(self.warnings),
-            "findings": [finding.to_json() for finding in self.warnings],
+            **told(self.warnings),
         }
 
     def _group_to_json(self, group: ParameterGroup) -> dict[str, Any]:

@@ -212,8 +212,7 @@ class ValidationResult:
             "moving": self.moving.to_json(),
             "at_rest": self.at_rest.to_json(),
             "residual_autocorrelation": [float(x) for x in self.residual_autocorrelation],
-            "warnings": told(self.warnings),
-            "findings": [finding.to_json() for finding in self.warnings],
+            **told(self.warnings),
             **({} if self.transfer is None else {"transfer": self.transfer.to_json()}),
             **({} if self.covered is None else {"interval": covered}),
         }

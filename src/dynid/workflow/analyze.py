@@ -83,8 +83,7 @@ class Analysis:
             "combined_names": [names[i] for i in base.classes.combined],
             "unidentifiable_names": [names[i] for i in base.classes.unidentifiable],
             "notes": [*unit_notes(base.model.robot), *base.model.robot.notes],
-            "warnings": told(self.warnings),
-            "findings": [finding.to_json() for finding in self.warnings],
+            **told(self.warnings),
         }
 
 

@@ -3,8 +3,6 @@
 `--preset best` lets the recordings choose how they are processed and modelled.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 

@@ -223,7 +223,10 @@ class Demo:
             "design": self.design.to_json(),
             "comparison": self.change.to_json(),
             "choices": list(self.best.estimate.choices),
-            "warnings": {"best": told(self.best.warnings), "paper": told(self.paper.warnings)},
+            "warnings": {
+                name: told(one.warnings)["warnings"]
+                for name, one in (("best", self.best), ("paper", self.paper))
+            },
             "files": [str(path) for path in self.files],
             "wall_s": self.wall_s,
         }

@@ -53,8 +53,7 @@ class Export:
             "physical": self.written.model.physical,
             "standard_parameters": self.written.model.origin,
             "left_out": list(self.written.left_out),
-            "warnings": told(self.warnings),
-            "findings": [finding.to_json() for finding in self.warnings],
+            **told(self.warnings),
         }
 
 

@@ -1,8 +1,12 @@
 """`dynid fleet`: many recordings of many robots become estimates, trends and alarms."""
 
+import csv
+import importlib
+import io
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -10,7 +14,17 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core import Finding, InputError, Progress, each, silent, told, workers
+from dynid.core import (
+    Finding,
+    InputError,
+    Progress,
+    each,
+    in_one_piece,
+    silent,
+    told,
+    workers,
+    write_text,
+)
 from dynid.identification import (
     CONFIDENCE,
     JointState,
@@ -27,17 +41,9 @@ from dynid.settings import FleetSettings
 from dynid.workflow.fleet_files import (
     COLUMNS,
     MANIFEST,
-    METRICS,
-    STATE,
-    TEMPERATURES,
     FleetRecording,
     base_of,
-    iso_time,
-    joint_row,
-    moment,
     read_folder,
-    write_state,
-    write_table,
 )
 
 TABLE, PAGE = "estimates.parquet", "report.html"
@@ -84,9 +90,9 @@ class Fleet:
                 "robot": name,
                 "model": group[0].model,
                 "recordings": len(group),
-                "first": iso_time(group[0].time_s),
-                "last": iso_time(group[-1].time_s),
-                "joints": [joint_row(joint) for joint in self.joints if joint.robot == name],
+                "first": _iso_time(group[0].time_s),
+                "last": _iso_time(group[-1].time_s),
+                "joints": [_joint_row(joint) for joint in self.joints if joint.robot == name],
             }
             for name, group in _by_robot(self.recordings).items()
         ]
@@ -101,8 +107,7 @@ class Fleet:
             "false_alarm_rate": self.settings.false_alarms,
             "tests": self.tests,
             "files": [str(self.output / name) for name in (TABLE, PAGE, STATE, METRICS)],
-            "warnings": told(self.findings),
-            "findings": [finding.to_json() for finding in self.findings],
+            **told(self.findings),
         }
 
 
@@ -180,8 +185,8 @@ def fleet(
         tests=tests,
         findings=(*_missing(recordings), *(_alarm(joint) for joint in judged if joint.alarm)),
     )
-    write_table(target / TABLE, rows)
-    write_state(target, joints=judged, recordings=len(recordings))
+    _write_table(target / TABLE, rows)
+    _write_state(target, joints=judged, recordings=len(recordings))
     write_fleet_page(
         target / PAGE,
         joints=judged,
@@ -293,7 +298,7 @@ def _robot(
                 {
                     **facts,
                     "recording": one.path,
-                    "time": moment(one.time_s),
+                    "time": _moment(one.time_s),
                     "joint": j + 1,
                     "name": quantity,
                     "value": float(value[k]),
@@ -316,7 +321,7 @@ def _alarm(joint: JointState) -> Finding:
         return Finding(
             "friction_drift",
             f"{joint.robot}, {joint.name}: friction changed by {step:+.1f} % ({low:+.1f} to "
-            f"{high:+.1f}) about {iso_time(float(friction.time_s[friction.step_at]))}, "
+            f"{high:+.1f}) about {_iso_time(float(friction.time_s[friction.step_at]))}, "
             f"p {joint.friction_p:.2g}; the inertias did not",
             joints=(joint.joint,),
             value=step,
@@ -347,3 +352,95 @@ def _procedure(result: Fleet) -> list[str]:
         f"{result.tests} trends without any change would show somewhere with a probability of "
         f"{100 * result.settings.false_alarms:g} % (Holm's correction), in one run.",
     ]
+
+
+STATE, METRICS = "state.csv", "state.prom"
+ALARMS = ("", "friction_drift", "torque_scale")
+"""Their places are the numbers of the metric."""
+TEMPERATURES = ("temperature_degC", "at_reference", "at_reference_std", "reference_degC")
+TABLE_COLUMNS = {
+    **dict.fromkeys(("robot", "model", "recording"), "string"),
+    "time": "timestamp",
+    "joint": "int32",
+    "name": "string",
+    **dict.fromkeys(("value", "std", *TEMPERATURES), "float64"),
+}
+"""Columns of the table and their types; `joint` is from 1, 0 for none."""
+
+
+def _moment(time_s: float) -> datetime | None:
+    """Seconds since 1970 as a time in UTC, to the millisecond; None where unknown."""
+    return datetime.fromtimestamp(round(time_s, 3), UTC) if np.isfinite(time_s) else None
+
+
+def _iso_time(time_s: float) -> str | None:
+    """The same as an ISO time, to the second."""
+    found = _moment(time_s)
+    return found and found.isoformat(timespec="seconds")
+
+
+def _joint_row(joint: JointState) -> dict[str, Any]:
+    """The state of a joint: a row of the CSV, an object of the JSON."""
+    step, low, high = joint.change_percent
+    one, control = joint.friction, joint.control
+    nan = float("nan")
+    percent = 100 / max(abs(one.level), 1e-12) if one else nan
+    changed = _iso_time(float(one.time_s[one.step_at])) if one and joint.alarm else None
+    return {
+        "robot": joint.robot,
+        "joint": joint.joint + 1,
+        "name": joint.name,
+        "unit": joint.unit,
+        "reference_speed": joint.reference_speed,
+        "reference_degC": one.reference_degC if one else nan,
+        "friction": joint.now,
+        "friction_std": joint.now_std,
+        "change_percent": step,
+        "change_low_percent": low,
+        "change_high_percent": high,
+        "changed_at": changed,
+        "slope_percent_per_year": percent * one.slope_per_year if one else nan,
+        "slope_std_percent": percent * one.slope_std if one else nan,
+        "per_kelvin_percent": percent * one.per_kelvin if one else nan,
+        "torque_scale": (control.before + control.change if control else nan),
+        "torque_scale_change_percent": 100 * control.change if control else nan,
+        "p_friction": joint.friction_p,
+        "p_torque_scale": joint.control_p,
+        "alarm": joint.alarm or None,
+    }
+
+
+def _write_table(target: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write the estimates as Parquet, one row a quantity and recording, whole or not at all."""
+    arrow, parquet = (importlib.import_module(name) for name in ("pyarrow", "pyarrow.parquet"))
+    types = {"string": arrow.string(), "int32": arrow.int32(), "float64": arrow.float64()}
+    types["timestamp"] = arrow.timestamp("ms", "UTC")
+    schema = arrow.schema([(name, types[kind]) for name, kind in TABLE_COLUMNS.items()])
+    table = arrow.Table.from_pylist(rows, schema=schema)
+    with in_one_piece(target) as draft:
+        parquet.write_table(table, draft, compression="zstd")
+
+
+def _write_state(folder: Path, *, joints: Sequence[JointState], recordings: int) -> None:
+    """Write the state of each joint as CSV, and for Prometheus with the count of recordings."""
+    state = [_joint_row(joint) for joint in joints]
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(state[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(state)
+    write_text(folder / STATE, text.getvalue())
+    lines: list[str] = []
+    for name, help_text, key in (
+        ("friction", "Friction level at the reference speed and temperature, SI units", "friction"),
+        ("friction_change_percent", "Step of the friction level", "change_percent"),
+        ("torque_scale", "Measured over predicted torque of the inertias", "torque_scale"),
+        ("alarm", "1 for a drift of friction, 2 for one of the torque scale", "alarm"),
+    ):
+        lines += [f"# HELP dynid_{name} {help_text}", f"# TYPE dynid_{name} gauge"]
+        for row in state:
+            value = ALARMS.index(row["alarm"] or "") if key == "alarm" else row[key]
+            label = row["robot"].replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+            if np.isfinite(value):
+                lines.append(f'dynid_{name}{{robot="{label}",joint="{row["joint"]}"}} {value:g}')
+    lines += ["# TYPE dynid_recordings gauge", f"dynid_recordings {recordings}"]
+    write_text(folder / METRICS, "\n".join(lines) + "\n")

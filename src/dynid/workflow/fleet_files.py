@@ -1,18 +1,13 @@
-"""The recordings of a fleet, their statistics cached by content, and what `dynid fleet` writes."""
+"""The recordings of a fleet, and their statistics, cached by content."""
 
 import csv
-import importlib
-import io
 import json
 import re
-import zlib
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path, PurePath, PurePosixPath
-from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from threadpoolctl import ThreadpoolController  # pyright: ignore[reportMissingTypeStubs]
@@ -26,15 +21,14 @@ from dynid.core import (
     content_hash,
     each,
     file_hash,
-    in_one_piece,
     like_named,
     make_folder,
+    read_arrays,
     scipy_part,
-    write_text,
+    write_arrays,
 )
 from dynid.identification import (
     IdentificationProblem,
-    JointState,
     RecordStatistics,
     record_statistics,
 )
@@ -306,138 +300,19 @@ def _manifest(path: Path) -> Manifest:
 
 def _cached(path: Path, model: str | None, terms: str) -> _Contribution | None:
     """What is cached, if it is of the same model and terms; None else, or where damaged."""
-    if not path.is_file():
-        return None
+    stored = read_arrays(path)
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
-            facts: dict[str, str] = json.loads(str(stored["facts"]))
-            if facts["key"] != _key(model or facts["model"], terms):
-                return None
-            return _Contribution(
-                statistics=RecordStatistics(
-                    factors=stored["factors"],
-                    scores=stored["scores"],
-                    samples=int(stored["samples"]),
-                    speed=stored["speed"],
-                ),
-                temperature_degC=stored["temperature_degC"],
-                facts=facts,
-            )
-    # A cache that is damaged, or whose robot file has gone, is computed again.
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error, DynidError):
+        facts: dict[str, str] = json.loads(str(stored.pop("facts")))
+        if facts["key"] != _key(model or facts["model"], terms):
+            return None
+        temperature, samples = stored.pop("temperature_degC"), int(stored.pop("samples"))
+        statistics = RecordStatistics(**stored, samples=samples)
+    # What another version cached, or whose robot file has gone, is computed again.
+    except (KeyError, TypeError, ValueError, DynidError):
         return None
+    return _Contribution(statistics=statistics, temperature_degC=temperature, facts=facts)
 
 
 def _keep(path: Path, known: _Contribution) -> None:
-    values: dict[str, Any] = {
-        "factors": known.statistics.factors,
-        "scores": known.statistics.scores,
-        "samples": np.array(known.statistics.samples),
-        "speed": known.statistics.speed,
-        "temperature_degC": known.temperature_degC,
-        "facts": np.array(json.dumps(dict(known.facts))),
-    }
-    with in_one_piece(path) as draft, draft.open("wb") as stream:
-        np.savez_compressed(stream, **values)
-
-
-STATE, METRICS = "state.csv", "state.prom"
-ALARMS = ("", "friction_drift", "torque_scale")
-"""Their places are the numbers of the metric."""
-TEMPERATURES = ("temperature_degC", "at_reference", "at_reference_std", "reference_degC")
-TABLE_COLUMNS = {
-    **dict.fromkeys(("robot", "model", "recording"), "string"),
-    "time": "timestamp",
-    "joint": "int32",
-    "name": "string",
-    **dict.fromkeys(("value", "std", *TEMPERATURES), "float64"),
-}
-"""Columns of the table and their types; `joint` is from 1, 0 for none."""
-
-
-def moment(time_s: float) -> datetime | None:
-    """Seconds since 1970 as a time in UTC, to the millisecond; None where unknown."""
-    return datetime.fromtimestamp(round(time_s, 3), UTC) if np.isfinite(time_s) else None
-
-
-def iso_time(time_s: float) -> str | None:
-    """The same as an ISO time, to the second."""
-    found = moment(time_s)
-    return found and found.isoformat(timespec="seconds")
-
-
-def joint_row(joint: JointState) -> dict[str, Any]:
-    """The state of a joint: a row of the CSV, an object of the JSON."""
-    step, low, high = joint.change_percent
-    one, control = joint.friction, joint.control
-    nan = float("nan")
-    percent = 100 / max(abs(one.level), 1e-12) if one else nan
-    changed = iso_time(float(one.time_s[one.step_at])) if one and joint.alarm else None
-    return {
-        "robot": joint.robot,
-        "joint": joint.joint + 1,
-        "name": joint.name,
-        "unit": joint.unit,
-        "reference_speed": joint.reference_speed,
-        "reference_degC": one.reference_degC if one else nan,
-        "friction": joint.now,
-        "friction_std": joint.now_std,
-        "change_percent": step,
-        "change_low_percent": low,
-        "change_high_percent": high,
-        "changed_at": changed,
-        "slope_percent_per_year": percent * one.slope_per_year if one else nan,
-        "slope_std_percent": percent * one.slope_std if one else nan,
-        "per_kelvin_percent": percent * one.per_kelvin if one else nan,
-        "torque_scale": (control.before + control.change if control else nan),
-        "torque_scale_change_percent": 100 * control.change if control else nan,
-        "p_friction": joint.friction_p,
-        "p_torque_scale": joint.control_p,
-        "alarm": joint.alarm or None,
-    }
-
-
-def write_table(target: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write the estimates as Parquet, one row a quantity and recording, whole or not at all.
-
-    Raises:
-        InputError: A place where no such file can be.
-        JobError: The disk does not take it.
-    """
-    arrow, parquet = (importlib.import_module(name) for name in ("pyarrow", "pyarrow.parquet"))
-    types = {"string": arrow.string(), "int32": arrow.int32(), "float64": arrow.float64()}
-    types["timestamp"] = arrow.timestamp("ms", "UTC")
-    schema = arrow.schema([(name, types[kind]) for name, kind in TABLE_COLUMNS.items()])
-    table = arrow.Table.from_pylist(rows, schema=schema)
-    with in_one_piece(target) as draft:
-        parquet.write_table(table, draft, compression="zstd")
-
-
-def write_state(folder: Path, *, joints: Sequence[JointState], recordings: int) -> None:
-    """Write the state of each joint as CSV, and for Prometheus with the count of recordings.
-
-    Raises:
-        InputError: A place where no such file can be.
-        JobError: The disk does not take it.
-    """
-    state = [joint_row(joint) for joint in joints]
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(state[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(state)
-    write_text(folder / STATE, text.getvalue())
-    lines: list[str] = []
-    for name, help_text, key in (
-        ("friction", "Friction level at the reference speed and temperature, SI units", "friction"),
-        ("friction_change_percent", "Step of the friction level", "change_percent"),
-        ("torque_scale", "Measured over predicted torque of the inertias", "torque_scale"),
-        ("alarm", "1 for a drift of friction, 2 for one of the torque scale", "alarm"),
-    ):
-        lines += [f"# HELP dynid_{name} {help_text}", f"# TYPE dynid_{name} gauge"]
-        for row in state:
-            value = ALARMS.index(row["alarm"] or "") if key == "alarm" else row[key]
-            label = row["robot"].replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
-            if np.isfinite(value):
-                lines.append(f'dynid_{name}{{robot="{label}",joint="{row["joint"]}"}} {value:g}')
-    lines += ["# TYPE dynid_recordings gauge", f"dynid_recordings {recordings}"]
-    write_text(folder / METRICS, "\n".join(lines) + "\n")
+    more = {"temperature_degC": known.temperature_degC, "facts": json.dumps(dict(known.facts))}
+    write_arrays(path, {**asdict(known.statistics), **more})

@@ -3,15 +3,13 @@
 import hashlib
 import json
 import time
-import zipfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, InputError, Progress, Workers, each, in_one_piece, silent
+from dynid.core import InputError, Progress, Workers, each, read_arrays, silent, write_arrays
 from dynid.identification import (
     Estimate,
     PanelRows,
@@ -262,7 +260,7 @@ def _run_pass(
             done += 1
         tell("summing all rows", done / len(parts))
         if partial is not None and time.monotonic() - saved > SAVE_S:
-            _keep(partial, key, done, sums)
+            write_arrays(partial, {"key": key, "done": done, **sums.arrays()})
             saved = time.monotonic()
     if partial is not None:
         partial.unlink(missing_ok=True)
@@ -311,21 +309,9 @@ def _key(parts: Sequence[_PassPart]) -> str:
     return digest.hexdigest()
 
 
-def _keep(path: Path, key: str, done: int, sums: RowSums) -> None:
-    with in_one_piece(path) as draft, draft.open("wb") as stream:
-        arrays: dict[str, Any] = sums.arrays()
-        np.savez(stream, key=np.array(key), done=np.array(done), **arrays)
-
-
 def _kept(path: Path, key: str, nothing: RowSums) -> tuple[int, RowSums]:
     """Parts done and their sums; none where the file is another pass's, or damaged."""
-    if not path.is_file():
+    arrays = read_arrays(path)
+    if str(arrays.pop("key", "")) != key:
         return 0, nothing
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays: dict[str, Array] = {name: file[name] for name in file.files}
-        if str(arrays.pop("key")) != key:
-            return 0, nothing
-        return int(arrays.pop("done")), sums_from(arrays)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-        return 0, nothing
+    return int(arrays.pop("done")), sums_from(arrays)

@@ -148,8 +148,7 @@ class Imported:
             "channels": list(record.channels),
             "drive_gains": None if metadata.drive_gains is None else list(metadata.drive_gains),
             "dropped_rows": metadata.dropped_rows,
-            "problems": told(record.problems),
-            "findings": [finding.to_json() for finding in record.problems],
+            **told(record.problems, "problems"),
             "notes": metadata.extra.get("notes", ""),
             "needs": list(self.needs),
         }

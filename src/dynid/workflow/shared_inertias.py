@@ -76,8 +76,7 @@ class SharedIdentification:
                     "samples": estimate.samples,
                     "noise": estimate.noise.tolist(),
                     "parameters": estimate.parameter_table(),
-                    "warnings": told(estimate.warnings),
-                    "findings": [finding.to_json() for finding in estimate.warnings],
+                    **told(estimate.warnings),
                 }
                 for estimate in self.estimates
             ],

@@ -50,8 +50,7 @@ class TemperatureIdentification(TemperatureModel):
         return {
             "temperature_degC": self.temperature_degC.tolist(),
             "laws": laws,
-            "warnings": told(self.warnings),
-            "findings": [finding.to_json() for finding in self.warnings],
+            **told(self.warnings),
         }
 
 

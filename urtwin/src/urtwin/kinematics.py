@@ -1,7 +1,5 @@
 """Poses as UR writes them (x, y, z, rotation vector), arcs, and the kinematics of the tool."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Which variables are recorded of a UR controller, and what it reports before a run."""
 
-from __future__ import annotations
-
 from contextlib import closing
 from dataclasses import dataclass
 
@@ -58,7 +56,7 @@ def recorded_names(version: Version, index: str = INDEX) -> tuple[str, ...]:
     return tuple(name for name in names if OUTPUTS[name].exists_in(version))
 
 
-def recorded(version: Version, index: str = INDEX) -> Layout:
+def recorded(version: Version, index: str = INDEX) -> "Layout":
     """The layout of `recorded_names`, without asking the controller."""
     names = recorded_names(version, index)
     return Layout.of(Recipe(names, tuple(OUTPUTS[name].type for name in names)))
@@ -78,7 +76,7 @@ class Layout:
     """The variable with the number of the sample."""
 
     @classmethod
-    def of(cls, recipe: Recipe) -> Layout:
+    def of(cls, recipe: Recipe) -> "Layout":
         """The layout of a recipe made from `recorded_names`."""
         places: dict[str, slice] = {}
         start = 0

@@ -1,7 +1,5 @@
 """Left-out scores of friction choices, and the descent that improves them joint by joint."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -86,7 +84,7 @@ class Scores:
         pairs = zip(self.errors, self.rows, strict=True)
         return [np.sqrt(e.sum(axis=1) / np.maximum(k.sum(axis=1), 1.0)) + 1e-9 for e, k in pairs]
 
-    def gains(self, before: Scores) -> list[tuple[float, float]]:
+    def gains(self, before: "Scores") -> list[tuple[float, float]]:
         """For each partition how much lower the sum of log RMS is, and its standard error."""
         return [gain_of(b, e) for e, b in zip(self.errors, before.errors, strict=True)]
 

@@ -231,8 +231,6 @@ class RepairSettings:
 
     robot: RobotModel | None = None
     """The robot that was recorded."""
-    gains: tuple[float, ...] | None = None
-    """(n) drive gains [N.m/A] that override the robot's."""
     rate_hz: float | None = None
     """The clock of a recording without time stamps [Hz]."""
     degrees: bool = False
@@ -283,8 +281,6 @@ def _start_clock(table: RawTable, rate_hz: float | None) -> RawTable:
             "the recording has no time",
             next_step="Pass its sampling rate with --rate, or map a column with --columns t=...",
         )
-    if not np.isfinite(rate_hz) or not 0 < rate_hz <= 1e6:
-        raise RecordError("the rate must be positive", value=rate_hz, limit="0 to 1e6 Hz")
     t = np.arange(table.samples, dtype=np.float64) / rate_hz
     return replace(table, t=t, time_scale=1.0, t0="0.0", clock="rate")
 
@@ -307,16 +303,6 @@ def _require_ticks(table: RawTable) -> None:
         )
 
 
-def _check_gains(table: RawTable, gains: tuple[float, ...] | None) -> RawTable:
-    if gains is not None and len(gains) != table.joints:
-        raise RecordError(
-            "the number of gains is not the number of joints", value=gains, limit=table.joints
-        )
-    if not all(np.isfinite(gain) and gain != 0 for gain in gains or ()):
-        raise RecordError("drive gains must be finite and not zero", value=gains)
-    return table
-
-
 def _require_rows(table: RawTable) -> RawTable:
     if table.samples < 2:
         raise RecordError("fewer than two usable rows are left", value=table.samples)
@@ -334,7 +320,6 @@ def _record(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
         origin=table.source,
         format=table.format,
         clock=table.clock,
-        drive_gains=settings.gains,
         dropped_rows=table.dropped,
         extra=extra,
     )
@@ -350,7 +335,6 @@ def _record(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
 
 RULES: tuple[Rule, ...] = (
     Rule(joints.settle_joints, "kinova_gen3, bags: joints by name", ("robot", "joint_order")),
-    Rule(_check_gains, "gains of another robot", ("gains",)),
     Rule(_number_rows, "every message that names a row"),
     Rule(_start_clock, "tx40: no time stamps", ("rate_hz",)),
     Rule(stamps.lay_together, "topics of one table on rows of their own"),

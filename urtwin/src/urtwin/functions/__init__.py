@@ -3,22 +3,11 @@
 from collections.abc import Callable, Generator
 from typing import Any
 
+from urtwin import motion
 from urtwin.core import Core
 from urtwin.functions.io import ABSENT, IO
 from urtwin.functions.sockets import SOCKETS
 from urtwin.functions.state import STATE
-from urtwin.motion import (
-    Motion,
-    move_circle,
-    move_joints,
-    move_tool,
-    servo_joints,
-    servo_tool,
-    speed_joints,
-    speed_tool,
-    stop_joints,
-    stop_tool,
-)
 from urtwin.urscript import (
     LIBRARY,
     Builtin,
@@ -35,8 +24,8 @@ __all__ = [
 _LONGEST_SLEEP_S = 1e6
 
 
-def _movep(core: Core, pose: Value, a: Value = 1.2, v: Value = 0.25, r: Value = 0) -> Motion:
-    yield from move_tool(core, pose, a, v, 0, r)
+def _movep(core: Core, pose: Value, a: Value = 1.2, v: Value = 0.25, r: Value = 0) -> motion.Motion:
+    yield from motion.move_tool(core, pose, a, v, 0, r)
 
 
 def _direct_torque(
@@ -72,18 +61,18 @@ _INTERPRETER: dict[str, Callable[[Core], None]] = {
     "clear_interpreter": lambda core: core.interpreter.clear(),
 }
 _SLOW: dict[str, Any] = {
-    "movej": move_joints,
-    "optimovej": move_joints,
-    "movel": move_tool,
-    "optimovel": move_tool,
+    "movej": motion.move_joints,
+    "optimovej": motion.move_joints,
+    "movel": motion.move_tool,
+    "optimovel": motion.move_tool,
     "movep": _movep,
-    "movec": move_circle,
-    "servoj": servo_joints,
-    "servoc": servo_tool,
-    "speedj": speed_joints,
-    "speedl": speed_tool,
-    "stopj": stop_joints,
-    "stopl": stop_tool,
+    "movec": motion.move_circle,
+    "servoj": motion.servo_joints,
+    "servoc": motion.servo_tool,
+    "speedj": motion.speed_joints,
+    "speedl": motion.speed_tool,
+    "stopj": motion.stop_joints,
+    "stopl": motion.stop_tool,
     "direct_torque": _direct_torque,
     "sync": _sync,
     "sleep": _sleep,

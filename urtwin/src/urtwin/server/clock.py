@@ -14,8 +14,6 @@ Virtual time never looks at the wall clock; it goes as fast as the clients read:
   pace of the wall clock.
 """
 
-from __future__ import annotations
-
 import gc
 import os
 import resource

@@ -4,8 +4,6 @@ A name belongs to the program if the program's own body assigns it or anyone dec
 `global`; functions and threads see these. All other names are their function's own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -83,7 +81,7 @@ class Context:
     """Program variables and their places."""
     functions: Mapping[str, Function] = field(default_factory=dict[str, Function])
 
-    def compiled(self, main: syntax.Definition) -> CompiledProgram:
+    def compiled(self, main: syntax.Definition) -> "CompiledProgram":
         """A program, or statements that are added to the one whose context this is.
 
         Raises:

@@ -1,7 +1,5 @@
 """Tokens and the syntax tree of a script; line ends mean nothing in URScript."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -159,7 +157,7 @@ class Definition(Statement):
     parameters: list[str]
     defaults: dict[str, Expression]
     body: list[Node]
-    inner: list[Definition] = field(default_factory=list["Definition"])
+    inner: "list[Definition]" = field(default_factory=list["Definition"])
 
 
 MAX_CHARACTERS = 1_000_000
