@@ -4,8 +4,8 @@ A delay and friction that builds up over a displacement look alike where a joint
 not elsewhere. So a delay is measured beside all friction that is known, at once and without a
 choice; and when friction is chosen, measured again with the displacement, of which the best one is
 taken for each delay. Then the motion is moved by fractions of a sample, the torque by whole ones:
-the motion is smooth between samples, the torque of friction is not. Rows in motion alone tell:
-where a joint comes to rest slowly, a displacement of 1e-6 rad lasts as long as a delay.
+the motion is smooth between samples, the torque of friction is not. Rows in motion alone count
+then: where a joint comes to rest slowly, a displacement of 1e-6 rad takes as long as a delay.
 """
 
 from collections.abc import Iterator, Sequence
@@ -203,7 +203,7 @@ class _DelayedSums:
         """The sums about delays (n), as far as so much away, in such steps [s].
 
         Joints that are not free keep theirs; all are by default. `between` samples: with motions
-        moved by fractions of a step.
+        moved by fractions of a step, and rows in motion alone.
         """
         rate = search.recordings[0].rate_hz
         step = max(1, round(step_s * rate)) / rate
@@ -221,8 +221,8 @@ class _DelayedSums:
             whole=np.asarray(whole, dtype=np.float64),
             fractions=np.asarray(fractions, dtype=np.float64),
             free=free,
-            blocks=tuple(each.counted for each in sums),
-            left_out=tuple(each.parts[0][1] for each in sums),
+            blocks=tuple(each.counted if between else each.all for each in sums),
+            left_out=tuple(each.parts[0][0] for each in sums),
         )
 
     def without_parts(self) -> "Iterator[_DelayedSums]":
