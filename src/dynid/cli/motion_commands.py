@@ -101,8 +101,8 @@ def design_command(
         show.print_json(found.to_json())
     else:
         _show_design(found.to_json(), output, found.certificate.headline)
-    for name in settings.unused:
-        print(f"dynid: {name} is not used by --method {settings.method}", file=sys.stderr)
+    for words in settings.unused:
+        print(f"dynid: {words}", file=sys.stderr)
     if found.interrupted:
         raise ask.Interrupted(f"interrupted; the best design so far is in {output}")
     if not found.feasible:
