@@ -183,6 +183,8 @@ def test_delays_have_deviations() -> None:
         ("ur10e", 2006, 125.0, 30.0, 5, 0.0247, True),
         # Told by a displacement that is looked for anew at each delay.
         ("ur5", 2035, 125.0, 30.0, 1, 0.045, True),
+        # Not by the friction that the first repetition starts with; with Stribeck friction.
+        ("ur10e", 5006, 125.0, 30.0, 5, 0.0158, True),
     ],
 )
 def test_a_sure_delay_is_taken(
