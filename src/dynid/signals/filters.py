@@ -52,6 +52,8 @@ HIGHEST_MOTION_HZ = 25.0
 ABOVE_NOISE = 10.0
 """Power of a line over that of the noise from which it is motion: white noise exceeds it at one
 frequency of 20 000."""
+SETTLED = 16.0
+"""Periods of the cut-off after which the filter has forgotten all but 1e-16 (order 4)."""
 LOWEST_DEFAULT_HZ = 5.0
 """Friction turns over faster than the slowest motions."""
 
@@ -63,12 +65,32 @@ def low_pass(values: Array, rate_hz: float, cutoff_hz: float) -> Array:
     """
     share = min(cutoff_hz / (rate_hz / 2), NYQUIST_SHARE)
     sections = np.asarray(scipy_part("signal").butter(ORDER, share, output="sos"), dtype=np.float64)
-    # The natural length of the tail, as far as short records have it.
-    padding = min(int(6 / share) + 1, len(values) - 2)
-    return np.asarray(
-        scipy_part("signal").sosfiltfilt(sections, values, axis=0, padlen=max(padding, 0)),
-        dtype=np.float64,
-    )
+    # Of a cut-off that a record is too short for, less is enough.
+    beyond = min(int(np.ceil(2 * SETTLED / share)), 10 * len(values))
+    before = _continued(sections, values[::-1], beyond, share)[::-1]
+    padded = np.concatenate([before, values, _continued(sections, values, beyond, share)])
+    passed = scipy_part("signal").sosfiltfilt(sections, padded, axis=0, padlen=0)
+    return np.asarray(passed[beyond:-beyond], dtype=np.float64)
+
+
+def _continued(sections: Array, values: Array, beyond: int, share: float) -> Array:
+    """The cubics on which samples (N, n) go on behind their end, so many samples (beyond, n).
+
+    Those that leave the filter at the end in the state in which the samples leave it: filtered
+    forward and backward, the cubics then stay as they are, and a motion that does not rest keeps
+    its velocity and acceleration.
+    """
+    signal = scipy_part("signal")
+    last = values[-beyond:]
+    time = np.arange(1 - len(last), beyond + 1) * (np.pi * share)
+    powers = time[:, None] ** np.arange(ORDER)
+    rest = signal.sosfilt_zi(sections)[..., None]
+
+    def state(of: Array) -> Array:
+        return signal.sosfilt(sections, of, axis=0, zi=rest * of[0])[1].reshape(ORDER, -1)
+
+    cubics = np.linalg.lstsq(state(powers[: len(last)]), state(last - last[-1]))[0]
+    return last[-1] + powers[len(last) :] @ cubics
 
 
 def motion_bandwidth(q: Array, rate_hz: float) -> float:
@@ -102,7 +124,7 @@ def default_cutoff(q: Array, rate_hz: float) -> float:
 
 REACH = 6.0
 """Periods of the cut-off after which the response has decayed to 1e-6 (order 4)."""
-SETTLED = 0.5
+UNUSED = 0.5
 """Periods of the cut-off beside the ends of a record that are not used."""
 ORDERS = (1, 2, 3, 4)
 SMOOTHED_DB = -110.0
@@ -136,7 +158,7 @@ class TorqueFilter:
 
     def settled(self, rate_hz: float) -> int:
         """Samples at an end that what lies beyond it has shaped."""
-        return int(np.ceil(SETTLED * rate_hz / self.cutoff_hz))
+        return int(np.ceil(UNUSED * rate_hz / self.cutoff_hz))
 
     def passed(self, values: Array, t: Array, rate_hz: float) -> Array:
         """What the filter makes of signals (..., N) with stamps t (N) [s], on a grid of a rate.

@@ -14,6 +14,7 @@ import numpy as np
 from dynid.core import Array, InputError
 from dynid.recording import AnyRecording, ExperimentRecord, StoredRecording
 from dynid.robot import RobotModel
+from dynid.signals.filters import SETTLED
 from dynid.signals.process import MIN_SAMPLES, block_length, delayed, filtered_motion, unsettled
 from dynid.signals.resample import (
     GAP_STEPS,
@@ -26,8 +27,6 @@ from dynid.signals.resample import (
 )
 from dynid.signals.samples import ProcessingSettings, Samples, measured_torque, used_rows
 
-SETTLED = 16.0
-"""Periods of the cut-off after which the filter has forgotten all but 1e-16 (order 4)."""
 MARK = 4096
 """Rows from one known stamp to the next."""
 MOST_STEPS = 1_000_000
