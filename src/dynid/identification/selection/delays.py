@@ -32,8 +32,8 @@ from dynid.signals import ProcessingSettings
 LONGEST_DELAY_S = 0.08
 DELAY_STEP_S, FINE_STEP_S = 0.008, 0.002
 """Between delays that are tried, and between those beside the best where the rate allows."""
-CERTAIN = 4.0
-"""Size of a delay over its standard deviation from which it is taken in any case."""
+LEAST_SURE, CERTAIN = 1.5, 4.0
+"""Size of a delay over its standard deviation from which it may pay, and is taken in any case."""
 AWAY_S = 0.012
 """How far from what was measured a delay is looked for again."""
 FINER = tuple(3.0 ** (k / 5) for k in range(-2, 3))
@@ -63,9 +63,9 @@ Options = Sequence[tuple[int, ...]]
 def measured_delays(search: ScoreSearch, settings: ProcessingSettings) -> Delays:
     """Measure each joint's delay.
 
-    A delay is taken that is sure from leaving parts out, or that lowers the errors on these by
-    more than their standard error, on every partition: so many columns foretell parts left out
-    poorly.
+    A delay is taken that is sure from leaving parts out, or that is likely and lowers the errors
+    on these by more than their standard error, on every partition: so many columns foretell parts
+    left out poorly, and a delay of the size of its standard deviation is as well none.
 
     Args:
         search: The recordings.
@@ -86,7 +86,8 @@ def measured_delays(search: ScoreSearch, settings: ProcessingSettings) -> Delays
     found, _ = sums.best(search, options, [0] * n)
     each = np.array([part.best(search, options, [0] * n)[0] for part in sums.without_parts()])
     std = np.sqrt((len(each) - 1) * each.var(axis=0))
-    near = np.where(np.abs(found) < LONGEST_DELAY_S, np.round(found * rate) / rate, 0.0)
+    seen = (LEAST_SURE * std < np.abs(found)) & (np.abs(found) < LONGEST_DELAY_S)
+    near = np.where(seen, np.round(found * rate) / rate, 0.0)
     taken = _taken(search, settings, columns, places, near, np.abs(found) < CERTAIN * std)
     late = tuple(np.where(taken, found, 0.0).tolist()) if any(taken) else None
     return Delays(taken_s=late, std_s=tuple(std.tolist()))
