@@ -160,6 +160,8 @@ def test_kr300_warns_and_still_predicts(
     assert result.estimate.estimator == "bayes"
     assert result.validation is not None
     assert result.validation.metrics.normalized_error <= 14.0
+    # 18 ms fit joint 6 a little better, with a standard deviation of 17 ms.
+    assert not any(result.estimate.settings.delays_s or ())
     plain = identify([a], robot, IdentifySettings(preset="paper"), validation=b)
     assert {"ill_conditioned", "over_fitted"} <= codes(plain)
 
