@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core import Array, Indices, upper_triangle
+from dynid.core import Array, Indices
 from dynid.identification import Estimate, inertial_prior
-from dynid.reduction import random_states
+from dynid.reduction import random_states, reduce_model
 from dynid.regressor import INERTIAL, InverseDynamicModel
 from dynid.robot import PSEUDO_INERTIA_BASIS, to_pseudo_inertia
 
@@ -163,8 +163,6 @@ def _driven(model: InverseDynamicModel, prior: Array) -> Array:
     return driven
 
 
-NULL = 1e-11
-"""Singular values below this share of the largest, columns of unit norm, are no motion's."""
 _DIVERGENCE = (
     "the bodies nearest to the robot's published ones (log-det divergence) of all with the "
     "identified base parameters"
@@ -235,14 +233,16 @@ def complete(estimate: Estimate) -> Completion:
 
 
 def null_space(model: InverseDynamicModel) -> Array:
-    """(p, k) directions of the standard parameters that no motion of this very robot shows."""
-    rows = -(-4 * len(model.columns) // model.robot.joints)
-    w = model.observation_matrix(*random_states(model.robot, rows, _SEED))
-    norms = np.linalg.norm(w, axis=0)
-    scale = np.where(norms > 0, norms, 1.0)
-    _, singular, right = np.linalg.svd(upper_triangle(w / scale))
-    unseen = np.asarray(right[singular <= NULL * singular[0]].T, dtype=np.float64)
-    return unseen / scale[:, None]
+    """(p, k) directions of the standard parameters that leave all base parameters as they are.
+
+    Those of the nominal geometry, as the base parameters are: a geometry that is off by 1e-7 rad
+    shows all parameters, with torques that no sensor can tell from zero.
+    """
+    base = reduce_model(model)
+    unseen = np.zeros((len(model.columns), len(base.dependent)))
+    unseen[list(base.independent)] = -base.regrouping
+    unseen[list(base.dependent)] = np.eye(len(base.dependent))
+    return unseen
 
 
 def _nearest(bodies: PseudoInertias, start: Array, unseen: Array) -> Array:
