@@ -181,7 +181,6 @@ def verdict(result: Identification) -> Verdict:
         confirmed=confirmed,
         uncertain_share=uncertain,
         pays=None if estimate.assessment is None else estimate.assessment.pays,
-        consistent=not any(f.code == "not_physical" for f in result.warnings),
         obstacle=simulator_obstacle(estimate),
     )
 
