@@ -13,7 +13,12 @@ from scipy.spatial.transform import Rotation
 from dynid.core import Array, JobError
 from dynid.export import simulator_obstacle, write_model
 from dynid.export.completion import PseudoInertias, complete, null_space
-from dynid.identification import StandardParameters, inertial_prior
+from dynid.identification import (
+    StandardParameters,
+    inertial_prior,
+    read_estimate,
+    write_estimate,
+)
 from dynid.reduction import random_states
 from dynid.robot import load_robot, robot_from_chain, to_pseudo_inertia
 
@@ -89,6 +94,15 @@ def test_it_is_the_nearest_of_all() -> None:
         for _ in range(20):
             step = unseen @ random.normal(size=unseen.shape[1])
             assert bodies.divergence(found.values + size * step)[0] >= best - 1e-9
+
+
+def test_an_estimate_is_completed_once(tmp_path: Path) -> None:
+    """Each file of a model, the verdict and the report read it again."""
+    estimate = estimate_of(UR5, parameters_of(UR5))
+    write_estimate(estimate, tmp_path / "estimate.json")
+    found = complete(estimate)
+    assert complete(read_estimate(tmp_path / "estimate.json")) is found
+    assert complete(replace(estimate, values=1.01 * estimate.values)) is not found
 
 
 def test_derivatives_of_the_divergence() -> None:

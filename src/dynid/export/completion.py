@@ -6,15 +6,16 @@ are nearest to the prior's in the log-det divergence of Lee, Wensing and Park (2
 physically consistent bodies have.
 """
 
+import json
 from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core import Array, Indices
+from dynid.core import Array, Indices, freeze
 from dynid.identification import Estimate, inertial_prior
 from dynid.reduction import random_states, reduce_model
 from dynid.regressor import INERTIAL, InverseDynamicModel
-from dynid.robot import PSEUDO_INERTIA_BASIS, to_pseudo_inertia
+from dynid.robot import PSEUDO_INERTIA_BASIS, robot_to_json, to_pseudo_inertia
 
 MOTOR_SYMBOLS = ("Im", "Imm")
 _OTHER = 1e-6
@@ -197,13 +198,20 @@ class Completion:
     """Standard parameters with the torques of an estimate."""
 
     values: Array
-    """(p) standard parameters."""
+    """(p) standard parameters, read-only."""
     physical: bool
     """Whether every link is physically consistent and no motor inertia is negative."""
     worst: str
     """The links and motors that cannot exist, in words; empty if all can."""
     origin: str
     """How they were found, in words."""
+
+    def __post_init__(self) -> None:
+        freeze(self, values=(None,))
+
+
+_LAST: dict[str, Completion] = {}
+"""The last one, by what it follows from: files, verdict and report of an estimate all need it."""
 
 
 def complete(estimate: Estimate) -> Completion:
@@ -212,6 +220,19 @@ def complete(estimate: Estimate) -> Completion:
     Physically consistent estimates carry theirs. Where no possible bodies have these torques, the
     parameters that lack the least of the prior's bodies; `physical` says so.
     """
+    model, standard = estimate.model, estimate.standard
+    words = robot_to_json(model.robot), model.frames, model.friction.to_json()
+    numbers = estimate.values if standard is None else standard.values
+    key = json.dumps([*words, standard is None, numbers.tolist()])
+    found = _LAST.get(key)
+    if found is None:
+        found = _complete(estimate)
+        _LAST.clear()
+        _LAST[key] = found
+    return found
+
+
+def _complete(estimate: Estimate) -> Completion:
     model = estimate.model
     bodies = PseudoInertias.of(model, inertial_prior(model.robot, model.frames).parameters)
     if estimate.standard is not None:
