@@ -89,8 +89,26 @@ def open_records(
     Raises:
         InputError: No recordings, a robot that is not known, or recordings that do not fit it.
     """
-    model = load_robot(stored_robot(paths) if robot is None else robot)
+    model = robot_of(paths, robot)
     return open_several(paths, model, gains), model
+
+
+def robot_of(paths: Sequence[str | Path], robot: RobotLike | None = None) -> RobotModel:
+    """A robot, or None for the one that recordings remember, mounted as they were made.
+
+    Raises:
+        InputError: As `stored_robot`, or recordings of several mountings.
+    """
+    if robot is not None:
+        return load_robot(robot)
+    name, mounts = stored_robot(paths), {remembered_robot(path)[1] for path in paths}
+    if len(mounts) > 1:
+        raise InputError(
+            "the recordings are of different mountings", value=", ".join(map(str, mounts))
+        )
+    mount = mounts.pop()
+    # That of the robot's own file has no word.
+    return load_robot(name, mount=None if mount == "file" else mount)
 
 
 def stored_robot(paths: Sequence[str | Path]) -> str:
@@ -101,7 +119,7 @@ def stored_robot(paths: Sequence[str | Path]) -> str:
     """
     if not paths:
         raise InputError("needs at least one recording")
-    found = [remembered_robot(path) for path in paths]
+    found = [remembered_robot(path)[0] for path in paths]
     if len(set(found)) > 1:
         value = ", ".join(map(str, found))
         raise InputError("the recordings are of different robots", value=value, next_step=_NEXT)
