@@ -21,7 +21,6 @@ def judged(error: float | None, *kinds: str, **changed: Any) -> Verdict:
         "noise_percent": 1.0,
         "confirmed": error is not None,
         "uncertain_share": 0.1,
-        "consistent": True,
     }
     return judge(findings, **(asked | changed))
 
@@ -68,11 +67,18 @@ def test_each_purpose_has_its_own_answer() -> None:
     idle = judged(2.0, pays=False)
     assert (idle.prediction.answer, idle.parameters.answer) == ("yes", "limits")
     assert idle.parameters.reason in idle.headline
-    free = judged(2.0, consistent=False)
-    assert (free.prediction.answer, free.simulation.answer) == ("yes", "limits")
+    pushing = judged(2.0, "negative_friction")
+    assert pushing.prediction.answer == "yes"
+    assert (pushing.parameters.answer, pushing.simulation.answer) == ("limits", "limits")
     stuck = judged(2.0, obstacle="not physical: link 5 cannot exist")
     assert (stuck.prediction.answer, stuck.simulation.answer) == ("yes", "no")
     assert "link 5" in stuck.headline
+
+
+@pytest.mark.parametrize("kind", ["delay", "reversed", "low_excitation!", "negative_friction"])
+def test_a_reason_is_given_once(kind: str) -> None:
+    """Other purposes with the same reason are named beside it."""
+    assert judged(30.0, kind, obstacle="words").headline.count("words") == 1
 
 
 def test_the_json_has_the_number_that_decides() -> None:

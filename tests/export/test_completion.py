@@ -8,11 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from known_exports import estimate_of, mixed_chain, parameters_of
 from scipy.sparse import csc_matrix
+from scipy.spatial.transform import Rotation
 
 from dynid.core import Array, JobError
 from dynid.export import simulator_obstacle, write_model
 from dynid.export.completion import PseudoInertias, complete, null_space
-from dynid.identification import StandardParameters, inertial_prior
+from dynid.identification import (
+    StandardParameters,
+    inertial_prior,
+    read_estimate,
+    write_estimate,
+)
 from dynid.reduction import random_states
 from dynid.robot import load_robot, robot_from_chain, to_pseudo_inertia
 
@@ -90,6 +96,15 @@ def test_it_is_the_nearest_of_all() -> None:
             assert bodies.divergence(found.values + size * step)[0] >= best - 1e-9
 
 
+def test_an_estimate_is_completed_once(tmp_path: Path) -> None:
+    """Each file of a model, the verdict and the report read it again."""
+    estimate = estimate_of(UR5, parameters_of(UR5))
+    write_estimate(estimate, tmp_path / "estimate.json")
+    found = complete(estimate)
+    assert complete(read_estimate(tmp_path / "estimate.json")) is found
+    assert complete(replace(estimate, values=1.01 * estimate.values)) is not found
+
+
 def test_derivatives_of_the_divergence() -> None:
     model = estimate_of(UR5, parameters_of(UR5)).model
     bodies = PseudoInertias.of(model, inertial_prior(UR5, model.frames).parameters)
@@ -113,6 +128,22 @@ def test_unseen_directions_are_unseen_and_all_of_them() -> None:
         assert unseen.shape == (78, 78 - rank)
         w = model.observation_matrix(*random_states(robot, 50, 9))
         assert np.abs(w @ unseen).max() < 1e-9 * np.abs(unseen).max() * np.abs(w).max()
+
+
+@pytest.mark.parametrize("tilt", [1e-9, 1e-7, 1e-3])
+def test_axes_nearly_parallel_keep_possible_bodies_possible(tilt: float) -> None:
+    """A file's rounding, or a calibration, shows what the base parameters hold as one."""
+    placements, random = UR5.placements.copy(), np.random.default_rng(0)
+    turns = Rotation.from_rotvec(tilt * random.normal(size=(5, 3)))
+    placements[1:, :3, :3] @= turns.as_matrix()
+    robot = replace(UR5, placements=placements)
+    truth = parameters_of(robot, 1)
+    estimate = estimate_of(robot, truth)
+    found = complete(estimate)
+    assert found.physical
+    states = random_states(robot, 40, 1)
+    ours, theirs = (estimate.model.inverse_dynamics(*states, x) for x in (truth, found.values))
+    assert np.abs(theirs - ours).max() < (SAME + tilt) * np.abs(ours).max()
 
 
 def test_impossible_base_parameters_are_said_to_be(tmp_path: Path) -> None:

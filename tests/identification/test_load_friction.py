@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,18 @@ from known_robot import NOISE, identified, oracle, recording, ur5
 
 from dynid import identify
 from dynid.core import InputError
-from dynid.identification import read_estimate, write_estimate
+from dynid.identification import (
+    PRIOR_GAIN,
+    IdentificationProblem,
+    WeightedLeastSquares,
+    read_estimate,
+    without_negative,
+    write_estimate,
+)
 from dynid.recording import ExperimentRecord
+from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel, LoadFriction, terms_from_json
+from dynid.signals import ProcessingSettings, process
 from dynid.trajectory import random_excitation
 from dynid.workflow import Identification
 
@@ -84,6 +94,30 @@ def test_the_data_choose_it_where_it_is(found: Identification) -> None:
     assert found.validation is not None
     noise = NOISE
     assert (found.validation.metrics.rmse < 1.15 * noise).all()
+
+
+def test_friction_that_the_fit_makes_negative_is_left_out() -> None:
+    """A joint that friction drives, and load friction where there is none."""
+    plain, (_, truth) = recording(0, width=WIDTH), oracle()
+    series = random_excitation(ur5().limits, seed=0, period_s=10.0, acceleration=5.5 * np.pi)
+    driving = 12.0 * np.tanh(series.evaluate(plain.t).dq / WIDTH) * [0, 0, 1, 0, 0, 0]
+    signals = plain.signals | {"effort": plain.signals["effort"] - driving}
+    samples = process(replace(plain, signals=signals), ur5(), ProcessingSettings())
+    load = LoadFriction(joints=(0, 1, 2, 3, 4, 5), parameters=tuple(truth[:60].tolist()))
+    model = InverseDynamicModel(robot=ur5(), friction=FrictionTerms(width=WIDTH, load=load))
+    estimator = WeightedLeastSquares(prior_gain=PRIOR_GAIN)
+
+    def negative(model: InverseDynamicModel) -> list[str]:
+        base = reduce_model(model)
+        values = estimator.fit(IdentificationProblem(base=base, samples=samples)).values
+        pairs = zip(base.names, values, strict=True)
+        return [name for name, value in pairs if name[0] == "F" and value < 0]
+
+    assert "Fc3" in negative(model)
+    found = without_negative(model, samples, estimator)
+    assert not negative(found)
+    assert set(model.names) - set(found.names) >= {"Fc3"}
+    assert {"Fc1", "Fv1", "Im3"} <= set(found.names)
 
 
 def test_it_survives_the_file(found: Identification, tmp_path: Path) -> None:

@@ -68,6 +68,7 @@ def test_a_folder_that_holds_results_is_left_alone(log: Path, tmp_path: Path) ->
 
 def test_missing_gains_come_from_the_targets_of_the_controller(tmp_path: Path) -> None:
     record = simulated("ur3e", 2)
+    record = replace(record, metadata=replace(record.metadata, drive_gains=None))
     write_record(record, tmp_path / "log.parquet")
     robot = load_robot("ur3e")
     unknown = replace(robot, drives=replace(robot.drives, gain=np.full(6, np.nan)))
@@ -76,7 +77,6 @@ def test_missing_gains_come_from_the_targets_of_the_controller(tmp_path: Path) -
     without = replace(
         record,
         signals={k: v for k, v in record.signals.items() if not k.startswith("target_")},
-        metadata=replace(record.metadata, drive_gains=None),
     )
     write_record(without, tmp_path / "bare.parquet")
     with pytest.raises(InputError, match="neither the robot nor the recording"):

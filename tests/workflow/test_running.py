@@ -13,13 +13,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from dynid.bench import plants
 from dynid.cli.app import main
 from dynid.core import InputError, JobError, provenance
 from dynid.recording import read_record
 from dynid.robot import load_robot
-from dynid.settings import options_of, parse_thermal
+from dynid.settings import IdentifySettings, options_of, parse_thermal
+from dynid.signals import measured_torque
 from dynid.trajectory import rest_series, write_trajectory
-from dynid.workflow import RunSettings, run_design
+from dynid.workflow import RunSettings, identify_files, run_design, simulate_recording
 
 UR5 = load_robot("ur5")
 PERIOD, CYCLES = 2.0, 250
@@ -55,6 +57,31 @@ def test_a_run_makes_a_record_that_says_where_it_comes_from(design: Path, tmp_pa
     assert len(extra["design_sha256"]) == 64
     assert record.problems == ()
     np.testing.assert_allclose(record.t, np.arange(2 * CYCLES) / 125.0, rtol=0, atol=1e-12)
+
+
+def test_a_record_tells_the_gains_that_its_robot_does_not(tmp_path: Path) -> None:
+    """Without them nothing can be identified from the currents of a simulated URDF arm."""
+    robot, design = tmp_path / "arm.urdf", tmp_path / "design.json"
+    robot.write_text(plants.urdf("sliding"))
+    arm = load_robot(robot)
+    series = rest_series(PERIOD, np.array([0.0, 0.0, 0.1, 0.0]), np.zeros((4, 4)))
+    write_trajectory(
+        series, design, robot=str(robot), limits=arm.limits, provenance=provenance(seed=0)
+    )
+    run_design(design, tmp_path / "run.parquet")
+    for record in (read_record(tmp_path / "run.parquet"), simulate_recording(arm, series)):
+        assert np.isfinite(measured_torque(record, arm)).all()
+
+
+def test_identification_takes_the_mounting_of_the_run(design: Path, tmp_path: Path) -> None:
+    """Not that of the robot's file; where the robot is named, `--mount` says it."""
+    path = tmp_path / "run.parquet"
+    run_design(design, path, settings=RunSettings(mount="wall"))
+    found = identify_files([path], settings=IdentifySettings(preset="paper"))
+    assert found.estimate.model.robot.mount == "wall"
+    ceiling = IdentifySettings(preset="paper", mount="ceiling")
+    found = identify_files([path], robot="ur5", settings=ceiling)
+    np.testing.assert_allclose(found.estimate.model.robot.gravity, -UR5.gravity)
 
 
 def test_the_truth_stands_beside_the_record_and_not_in_it(design: Path, tmp_path: Path) -> None:

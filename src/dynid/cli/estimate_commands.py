@@ -139,7 +139,7 @@ AllFlag = Annotated[bool, ask.flag("--all", "Print all parameters, choices and f
     "dynid fit arm.urdf log.csv -o fitted",
     "dynid fit ur5 monday.csv tuesday.csv --validate wednesday.csv -o fitted",
     "dynid fit ur10e log.csv --gains 11.2,11.4,9.8,10.1,10.2,9.9 -o fitted --json",
-    only=("preset", "purpose"),
+    only=("preset", "purpose", "mount"),
 )
 def fit_command(
     robot: ask.RobotArgument,

@@ -47,7 +47,8 @@ _STEPS = {
     "accelerations low",
     "link_length": "check the kinematics of the robot file",
     "spring": "add the spring or counterbalance to the robot file",
-    "mounting": "level the base, or write it into the robot file: [mount] gravity = {gravity}",
+    "mounting": "level the base, or give the mounting: --mount, or [mount] gravity = {gravity} in "
+    "the robot file",
     "payload": "remove it, or add it to the last link of the robot file",
     "friction_drift": "move the arm until it is warm, or identify parts with --from and --to",
     "gravity_compensated": "record the whole torque: the controller's gravity has been taken off",

@@ -78,13 +78,15 @@ class Verdict:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why, in words: prediction first, then what else is limited."""
-        rest = (
-            f"{name}: {answer.reason}"
-            for name, answer in (("parameters", self.parameters), ("simulation", self.simulation))
-            if answer.answer != "yes"
-        )
-        return (self.prediction.reason, *rest)
+        """Why, each once, in words: prediction first, then what else is limited."""
+        said = self.prediction.reason
+        limited: dict[str, list[str]] = {}
+        for name, answer in (("parameters", self.parameters), ("simulation", self.simulation)):
+            if answer.answer != "yes":
+                reason = "the same" if answer.reason in said else answer.reason
+                limited.setdefault(reason, []).append(name)
+        rest = (f"{' and '.join(names)}: {reason}" for reason, names in limited.items())
+        return (said, *rest)
 
     @property
     def headline(self) -> str:
@@ -109,7 +111,6 @@ def judge(
     noise_percent: float,
     confirmed: bool,
     uncertain_share: float,
-    consistent: bool,
     pays: bool | None = None,
     obstacle: str = "",
 ) -> Verdict:
@@ -122,7 +123,6 @@ def judge(
         noise_percent: What of it is noise, so that no model can predict it.
         confirmed: The error is that of another recording.
         uncertain_share: Share of parameters whose deviation exceeds half of their value.
-        consistent: All masses and inertias are physically possible.
         pays: Identified inertias predict better than published ones; None where none are.
         obstacle: Why the model cannot be exported to a simulator; empty where it can.
     """
@@ -130,11 +130,12 @@ def judge(
     faults = [f for f in findings if f.severity == "warning" and f.code in FAULTS]
     wrong = [f for f in errors if f.code in FAULTS]
     poor = [f for f in errors if f.code not in FAULTS]
+    impossible = [f for f in findings if f.code == "not_physical"]
     prediction = _prediction(expected_percent, noise_percent, confirmed, wrong, faults, poor)
     return Verdict(
         prediction=prediction,
-        parameters=_parameters([*wrong, *faults], poor, uncertain_share, pays),
-        simulation=_simulation(prediction, findings, consistent, obstacle),
+        parameters=_parameters([*wrong, *faults], poor, impossible, uncertain_share, pays),
+        simulation=_simulation(prediction, impossible, obstacle),
     )
 
 
@@ -172,14 +173,17 @@ def _prediction(
 
 
 def _parameters(
-    faults: list[Finding], poor: list[Finding], uncertain: float, pays: bool | None
+    faults: list[Finding],
+    poor: list[Finding],
+    impossible: list[Finding],
+    uncertain: float,
+    pays: bool | None,
 ) -> Answer:
     if poor:
         return Answer(answer="no", reason=poor[0].text, value=poor[0].value, unit=poor[0].unit)
-    if faults:
-        first = faults[0]
-        reason = f"{first.text}: this biases them"
-        return Answer(answer="limits", reason=reason, value=first.value, unit=first.unit)
+    if faults or impossible:
+        first = [*faults, *impossible][0]
+        return Answer(answer="limits", reason=first.text, value=first.value, unit=first.unit)
     if pays is False:
         reason = "identified inertias predict no better than published ones with fitted friction"
         return Answer(answer="limits", reason=reason)
@@ -190,18 +194,14 @@ def _parameters(
     )
 
 
-def _simulation(
-    prediction: Answer, findings: Sequence[Finding], consistent: bool, obstacle: str
-) -> Answer:
-    kinds = {f.kind: f for f in findings}
-    if "indefinite_mass" in kinds:
-        first = kinds["indefinite_mass"]
-        return Answer(answer="no", reason=first.text, value=first.value, limit=0.0)
+def _simulation(prediction: Answer, impossible: list[Finding], obstacle: str) -> Answer:
+    for first in impossible:
+        if first.kind == "indefinite_mass":
+            return Answer(answer="no", reason=first.text, value=first.value, limit=0.0)
     if prediction.answer == "no":
         return Answer(answer="no", reason=prediction.reason)
     if obstacle:
         return Answer(answer="no", reason=obstacle)
-    if not consistent:
-        reason = "masses and inertias of single links are not known to be physically consistent"
-        return Answer(answer="limits", reason=f"{reason} (--estimator sdp)")
+    if impossible:
+        return Answer(answer="limits", reason=impossible[0].text)
     return Answer(answer=prediction.answer, reason=prediction.reason)

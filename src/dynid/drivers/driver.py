@@ -295,6 +295,8 @@ class Source:
     """What the recording calls its format."""
     origin: str
     """Where it comes from, in words."""
+    drive_gains: tuple[float, ...] | None = None
+    """(n) [N.m/A], where others than the robot's."""
     extra: Mapping[str, str] = field(default_factory=dict[str, str])
     """Anything else worth keeping."""
 

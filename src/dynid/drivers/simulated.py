@@ -67,6 +67,7 @@ class SimulatedDriver(Driver):
             channels=("index",),
             format="simulation",
             origin=f"simulated {self.arm.robot.name}, seed {self.seed}",
+            drive_gains=self.arm.made_up_gains,
             extra={
                 "seed": str(self.seed),
                 "start_degC": json.dumps([round(float(value), 2) for value in self._start]),

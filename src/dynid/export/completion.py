@@ -6,15 +6,16 @@ are nearest to the prior's in the log-det divergence of Lee, Wensing and Park (2
 physically consistent bodies have.
 """
 
+import json
 from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core import Array, Indices, upper_triangle
+from dynid.core import Array, Indices, freeze
 from dynid.identification import Estimate, inertial_prior
-from dynid.reduction import random_states
+from dynid.reduction import random_states, reduce_model
 from dynid.regressor import INERTIAL, InverseDynamicModel
-from dynid.robot import PSEUDO_INERTIA_BASIS, to_pseudo_inertia
+from dynid.robot import PSEUDO_INERTIA_BASIS, robot_to_json, to_pseudo_inertia
 
 MOTOR_SYMBOLS = ("Im", "Imm")
 _OTHER = 1e-6
@@ -163,8 +164,6 @@ def _driven(model: InverseDynamicModel, prior: Array) -> Array:
     return driven
 
 
-NULL = 1e-11
-"""Singular values below this share of the largest, columns of unit norm, are no motion's."""
 _DIVERGENCE = (
     "the bodies nearest to the robot's published ones (log-det divergence) of all with the "
     "identified base parameters"
@@ -199,13 +198,20 @@ class Completion:
     """Standard parameters with the torques of an estimate."""
 
     values: Array
-    """(p) standard parameters."""
+    """(p) standard parameters, read-only."""
     physical: bool
     """Whether every link is physically consistent and no motor inertia is negative."""
     worst: str
     """The links and motors that cannot exist, in words; empty if all can."""
     origin: str
     """How they were found, in words."""
+
+    def __post_init__(self) -> None:
+        freeze(self, values=(None,))
+
+
+_LAST: dict[str, Completion] = {}
+"""The last one, by what it follows from: files, verdict and report of an estimate all need it."""
 
 
 def complete(estimate: Estimate) -> Completion:
@@ -214,6 +220,19 @@ def complete(estimate: Estimate) -> Completion:
     Physically consistent estimates carry theirs. Where no possible bodies have these torques, the
     parameters that lack the least of the prior's bodies; `physical` says so.
     """
+    model, standard = estimate.model, estimate.standard
+    words = robot_to_json(model.robot), model.frames, model.friction.to_json()
+    numbers = estimate.values if standard is None else standard.values
+    key = json.dumps([*words, standard is None, numbers.tolist()])
+    found = _LAST.get(key)
+    if found is None:
+        found = _complete(estimate)
+        _LAST.clear()
+        _LAST[key] = found
+    return found
+
+
+def _complete(estimate: Estimate) -> Completion:
     model = estimate.model
     bodies = PseudoInertias.of(model, inertial_prior(model.robot, model.frames).parameters)
     if estimate.standard is not None:
@@ -235,14 +254,16 @@ def complete(estimate: Estimate) -> Completion:
 
 
 def null_space(model: InverseDynamicModel) -> Array:
-    """(p, k) directions of the standard parameters that no motion of this very robot shows."""
-    rows = -(-4 * len(model.columns) // model.robot.joints)
-    w = model.observation_matrix(*random_states(model.robot, rows, _SEED))
-    norms = np.linalg.norm(w, axis=0)
-    scale = np.where(norms > 0, norms, 1.0)
-    _, singular, right = np.linalg.svd(upper_triangle(w / scale))
-    unseen = np.asarray(right[singular <= NULL * singular[0]].T, dtype=np.float64)
-    return unseen / scale[:, None]
+    """(p, k) directions of the standard parameters that leave all base parameters as they are.
+
+    Those of the nominal geometry, as the base parameters are: a geometry that is off by 1e-7 rad
+    shows all parameters, with torques that no sensor can tell from zero.
+    """
+    base = reduce_model(model)
+    unseen = np.zeros((len(model.columns), len(base.dependent)))
+    unseen[list(base.independent)] = -base.regrouping
+    unseen[list(base.dependent)] = np.eye(len(base.dependent))
+    return unseen
 
 
 def _nearest(bodies: PseudoInertias, start: Array, unseen: Array) -> Array:

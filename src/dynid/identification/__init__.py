@@ -61,7 +61,7 @@ from dynid.identification.payload import Payload, payload_of
 from dynid.identification.physical import PhysicallyConsistent, standard_posterior
 from dynid.identification.problem import IdentificationProblem, motion_state
 from dynid.identification.ripple import with_ripple
-from dynid.identification.selection.columns import with_load
+from dynid.identification.selection.columns import with_load, without_negative
 from dynid.identification.selection.search import PURPOSES, Selection, select
 from dynid.identification.shared import (
     SharedFit,
@@ -188,6 +188,7 @@ __all__ = [
     "weighed_gains",
     "with_load",
     "with_ripple",
+    "without_negative",
     "write_estimate",
     "write_temperature",
 ]

@@ -151,7 +151,7 @@ def read_mat(files: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
         if not harm:
             objects = f"{contents.objects} variables are timeseries or tables"
             what, value = f"{error.what}; {objects}, which only MATLAB can read", error.value
-            step = _PLAIN
+            step = f"{error.next_step or ''} {_PLAIN}".lstrip()
         raise RecordError(what, value=value, next_step=step) from error
     if contents.cut:
         table = table.report("truncated_file", f"{path.name} is cut off: what precedes is taken")

@@ -366,8 +366,8 @@ def open_any(
     return found
 
 
-def remembered_robot(path: str | Path) -> str | None:
-    """The robot that the recording in a file says it is of; None where it does not.
+def remembered_robot(path: str | Path) -> tuple[str | None, str | None]:
+    """The robot and the mounting that the recording in a file remembers; None where it does not.
 
     Args:
         path: A recording in any format, or a folder with the text files of one run.
@@ -382,9 +382,12 @@ def remembered_robot(path: str | Path) -> str | None:
         )
     _refuse_results(Path(path))
     if stored_rows(Path(path)) > LONG:
-        return open_stored(path).metadata.robot
-    foreign = os.path.isfile(path) and content_kind(Path(path)) != "parquet"
-    return None if foreign or os.path.isdir(path) else read_record(path).metadata.robot
+        metadata = open_stored(path).metadata
+    elif os.path.isdir(path) or (os.path.isfile(path) and content_kind(Path(path)) != "parquet"):
+        return None, None
+    else:
+        metadata = read_record(path).metadata
+    return metadata.robot, metadata.extra.get("mount")
 
 
 def _refuse_results(path: Path) -> None:

@@ -335,7 +335,11 @@ class FrictionTerms:
             if left:
                 kept.append((term, given if left == have else left))
         over = tuple(0.0 if f"Fc{j + 1}" in names else d for j, d in enumerate(self.presliding))
-        return replace(self, terms=tuple(kept), presliding=over if any(over) else ())
+        load = self.load
+        if load is not None:
+            loaded = tuple(j for j in load.joints if f"Fl{j + 1}" not in names)
+            load = replace(load, joints=loaded) if loaded else None
+        return replace(self, terms=tuple(kept), presliding=over if any(over) else (), load=load)
 
     def check_joints(self, joints: int) -> None:
         """Check against the number of joints of a robot.

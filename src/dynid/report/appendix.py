@@ -242,10 +242,10 @@ def _standard(item: ReportedEstimate, found: StandardParameters) -> Chapter:
         )
         for k, column in enumerate(item.estimate.model.columns)
     ]
-    words = "Published values, corrected by the base parameters."
+    words = "The prior, published or plausible, corrected by the base parameters."
     if item.estimate.standard is not None:
         words = "Of physically consistent bodies."
-    columns = ("name", "value", "unit", "std", "published", "from data [%]")
+    columns = ("name", "value", "unit", "std", "prior", "from data [%]")
     return Chapter(f"Standard parameters ({len(rows)})", [Table(columns, rows)], words=words)
 
 

@@ -168,7 +168,7 @@ def friction_figure(item: ReportedEstimate) -> draw.Figure | None:
 
 
 def links_figure(item: ReportedEstimate) -> draw.Figure | None:
-    """Masses and centres less the published ones, with intervals, and how much of them is data.
+    """Masses and centres less those of the prior, with intervals, and how much of them is data.
 
     Args:
         item: The estimate; None where its links are not known.
@@ -202,8 +202,8 @@ def links_figure(item: ReportedEstimate) -> draw.Figure | None:
     height = 34.0 * n
     return draw.Figure(
         title="Links",
-        note="Identified less published, 95 % intervals; centre x, y, z from top to bottom. Each "
-        "link is named by the joint that moves it.",
+        note="Identified less the prior (published, or plausible), 95 % intervals; centre x, y, z "
+        "from top to bottom. Each link is named by the joint that moves it.",
         x=draw.Axis(low=0, high=1),
         panels=(
             draw.Panel(
@@ -269,7 +269,7 @@ def _intervals(
         draw.Ranges(at[data], low[data], high[data], "predicted", width=1.6, across=True),
         draw.Points(values[data], at[data], "predicted", "from data", 7),
         draw.Ranges(at[~data], low[~data], high[~data], "limit", width=1.2, across=True),
-        draw.Points(values[~data], at[~data], "limit", "mostly published", 7, hollow=True),
+        draw.Points(values[~data], at[~data], "limit", "mostly prior", 7, hollow=True),
     ]
     return tuple(marks)
 

@@ -114,6 +114,7 @@ def purposes(item: ReportedEstimate) -> tuple[PurposeAnswer, ...]:
             str(len(precise)),
             f"of {len(relative)} {within}",
             words,
+            judged.prediction.reason,
         ),
         _purpose("Simulation", judged.simulation, *_bodies(item), judged.prediction.reason),
     )
@@ -122,7 +123,7 @@ def purposes(item: ReportedEstimate) -> tuple[PurposeAnswer, ...]:
 def _purpose(
     title: str, answer: Answer, figure: str, unit: str, detail: str, repeated: str = ""
 ) -> PurposeAnswer:
-    reason = answer.reason if answer.reason != repeated else "as for prediction"
+    reason = "as for prediction" if answer.reason in repeated else answer.reason
     return PurposeAnswer(
         title=title,
         answer=ANSWERS[answer.answer],
@@ -158,10 +159,10 @@ def _bodies(item: ReportedEstimate) -> tuple[str, str, str]:
     n = item.estimate.model.robot.joints
     share = 1 - item.links.prior_share[: 10 * n].reshape(n, 10)[:, 0]
     if item.estimate.standard is not None:
-        detail = "All links are physically consistent; the rest of each is mostly published."
+        detail = "All links are physically consistent; the rest of each is mostly the prior's."
     else:
         detail = (
-            "Other values of single links are mostly published. Physically consistent links: "
+            "Other values of single links are mostly the prior's. Physically consistent links: "
             "--estimator sdp."
         )
     return (str(int(np.sum(share >= 0.5))), f"of {n} link masses mostly data", detail)

@@ -97,7 +97,7 @@ def _frozen(
         if joint.mimic and joint.name not in asked and joint in path:
             notes.append(
                 f"joint {printable(joint.name)} mimics {printable(joint.mimic[0])} within the arm;"
-                f" it is frozen at {values[joint.name]:g}, which is only right if it is passive"
+                f" it is frozen at {values[joint.name]:g}: torques of what it moves are wrong"
             )
     if rest:
         notes.append(f"joints frozen: {_listed([f'{k} at {v:g}' for k, v in values.items()])}")

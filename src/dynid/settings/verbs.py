@@ -396,6 +396,11 @@ class IdentifySettings(Settings):
         None, "S", "Start of the window, from the record's start.", "--from"
     )
     stop_s: float | None = option(None, "S", "End of the window, same clock.", "--to")
+    mount: str | None = option(
+        None,
+        "floor|wall|ceiling|tilt:DEG",
+        "Mounting; default: that of the recording or of the robot.",
+    )
     frames: str = ""
     """`dh`, `mdh` or `urdf`."""
 

@@ -169,6 +169,12 @@ class SimulatedArm:
                 where=self.robot.name,
             )
 
+    @property
+    def made_up_gains(self) -> tuple[float, ...] | None:
+        """(n) drive gains that only its recordings can tell [N.m/A]; None where the robot does."""
+        unknown = np.isnan(self.robot.drives.gain).any()
+        return tuple(self.truth.gain.tolist()) if unknown else None
+
     def standard_parameters_in(self, frames: str) -> Array:
         """(n, 13) `truth.standard_parameters` about frames of `robot.parameter_frames`.
 

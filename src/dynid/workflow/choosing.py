@@ -23,6 +23,7 @@ from dynid.identification import (
     select,
     with_load,
     with_ripple,
+    without_negative,
 )
 from dynid.recording import AnyRecording, ExperimentRecord, fingerprint
 from dynid.regressor import FrictionTerms, InverseDynamicModel
@@ -238,6 +239,10 @@ def prepare(
     model = InverseDynamicModel(robot=robot, frames=settings.frames, friction=friction)
     model = with_load(model, samples, estimator)
     if choice is not None and settings.terms is None:
+        chosen = model.names
+        model = without_negative(model, samples, estimator)
+        dropped = ", ".join(name for name in chosen if name not in model.names)
+        words += (f"without {dropped}, negative in the fit",) if dropped else ()
         model = with_ripple(model, samples, estimator)
     return Prepared(
         model=model,

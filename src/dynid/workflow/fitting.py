@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, DynidError, Finding, InputError, Progress, make_folder, silent, told
+from dynid.core import DynidError, Finding, InputError, Progress, make_folder, silent, told
 from dynid.export import ExportedFile, write_model
-from dynid.identification import EstimateLike, open_estimate, write_estimate
+from dynid.identification import Estimate, EstimateLike, open_estimate, write_estimate
 from dynid.recording import (
     ExperimentRecord,
     RecordLike,
@@ -96,12 +96,12 @@ def export_file(
     if any(known.model.friction.presliding):
         note += "\nIts presliding needs the past: friction here is that of joints that slide."
     written = write_model(known, Path(output), to, note)
-    return Export(to=to, written=written, warnings=_warnings(to, written, known.noise))
+    return Export(to=to, written=written, warnings=_warnings(to, written, known))
 
 
-def _warnings(to: str, written: ExportedFile, noise: Array) -> tuple[Finding, ...]:
-    model, friction = written.model, written.friction
-    found: list[Finding] = []
+def _warnings(to: str, written: ExportedFile, known: Estimate) -> tuple[Finding, ...]:
+    model, friction, noise = written.model, written.friction, known.noise
+    found = [finding for finding in known.warnings if finding.code == "not_physical"]
     if not model.physical:
         found.append(
             Finding(

@@ -145,7 +145,7 @@ def _contribution(job: tuple[str, str | None, str]) -> _Contribution | str:
     place, model, terms = job
     try:
         with local_files([place]) as (path,):
-            reference = stored_robot([path]) if model is None else model
+            reference = stored_robot([path])[0] if model is None else model
             base = base_of(reference, terms)
             robot = base.model.robot
             record, _ = known_gains(open_record(path, robot), robot)

@@ -215,8 +215,8 @@ def identify(
             window, unknown settings.
         JobError: A singular problem.
     """
-    robot = load_robot(robot)
     settings = settings or IdentifySettings()
+    robot = load_robot(robot, mount=settings.mount)
     # The same result whatever the order of the files.
     several = sorted(open_any(as_list(records), robot), key=fingerprint)
     other = None if validation is None else open_record(validation, robot)

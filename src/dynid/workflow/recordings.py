@@ -89,23 +89,40 @@ def open_records(
     Raises:
         InputError: No recordings, a robot that is not known, or recordings that do not fit it.
     """
-    model = load_robot(stored_robot(paths) if robot is None else robot)
+    model = robot_of(paths, robot)
     return open_several(paths, model, gains), model
 
 
-def stored_robot(paths: Sequence[str | Path]) -> str:
-    """The robot that recordings remember.
+def robot_of(paths: Sequence[str | Path], robot: RobotLike | None = None) -> RobotModel:
+    """A robot, or None for the one that recordings remember, mounted as they were made.
+
+    Raises:
+        InputError: As `stored_robot`.
+    """
+    if robot is not None:
+        return load_robot(robot)
+    name, mount = stored_robot(paths)
+    return load_robot(name, mount=mount)
+
+
+def stored_robot(paths: Sequence[str | Path]) -> tuple[str, str | None]:
+    """The robot that recordings remember, and its mounting; None for that of the robot's file.
 
     Raises:
         InputError: A recording does not say, they disagree, or the robot's file has gone.
     """
     if not paths:
         raise InputError("needs at least one recording")
-    found = [remembered_robot(path) for path in paths]
-    if len(set(found)) > 1:
-        value = ", ".join(map(str, found))
-        raise InputError("the recordings are of different robots", value=value, next_step=_NEXT)
-    name = found[0]
+    names, mounts = zip(*map(remembered_robot, paths), strict=True)
+    # Logs of other programs say no mounting.
+    mounts = tuple(mount for mount in mounts if mount is not None)
+    for what, found in (("robots", names), ("mountings", mounts)):
+        if len(set(found)) > 1:
+            value = ", ".join(map(str, found))
+            raise InputError(
+                f"the recordings are of different {what}", value=value, next_step=_NEXT
+            )
+    name, mount = names[0], next(iter(mounts), "file")
     if name is None:
         raise InputError(
             "the recording does not say which robot it is of", where=str(paths[0]), next_step=_NEXT
@@ -117,7 +134,7 @@ def stored_robot(paths: Sequence[str | Path]) -> str:
             value=name,
             next_step=_NEXT,
         )
-    return name
+    return name, None if mount == "file" else mount
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -107,7 +107,8 @@ def simulate_recording(
     arm = _equipped_arm(robot)
     run = simulate(arm, motion, rate_hz=rate_hz, periods=periods, thermal=thermal, seed=seed)
     record = record_of(run)
-    return replace(record, metadata=replace(record.metadata, joint_names=robot.joint_names))
+    told = replace(record.metadata, joint_names=robot.joint_names, drive_gains=arm.made_up_gains)
+    return replace(record, metadata=told)
 
 
 def record_of(run: SimulatedRun) -> ExperimentRecord:
@@ -392,6 +393,7 @@ def _execute(
             robot=loaded.stored.robot,
             origin=source.origin,
             format=source.format,
+            drive_gains=source.drive_gains,
             extra={
                 **source.extra,
                 "design_sha256": loaded.sha256,

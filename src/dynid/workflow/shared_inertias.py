@@ -105,7 +105,7 @@ def identify_shared(
         JobError: A singular problem.
     """
     settings = settings or IdentifySettings()
-    robot = load_robot(robot)
+    robot = load_robot(robot, mount=settings.mount)
     several = open_several(records, robot)
     if not several:
         raise InputError("needs at least one record")

@@ -19,7 +19,6 @@ from dynid.recording import (
     open_any,
     open_record,
 )
-from dynid.robot import load_robot
 from dynid.settings import IdentifySettings
 from dynid.signals import ProcessingSettings, rows_of, survey, window
 from dynid.validation import (
@@ -30,7 +29,7 @@ from dynid.validation import (
     validate,
 )
 from dynid.workflow.identify import Identification, identify
-from dynid.workflow.recordings import stored_robot
+from dynid.workflow.recordings import robot_of
 
 POOR_DEVIATION = 50.0
 """[%] of a parameter's value above which its deviation makes it uncertain."""
@@ -64,7 +63,7 @@ def identify_files(
     others = [] if validation is None else [validation]
     with local_files([*recordings, *others]) as paths:
         files = paths[: len(recordings)]
-        model = load_robot(stored_robot(files) if robot is None else robot)
+        model = robot_of(files, robot)
         found = open_any(files, model, gains)
         held = [record for record in found if isinstance(record, ExperimentRecord)]
         # Of those that stay in their files, a part is checked when it is looked at.
@@ -181,7 +180,6 @@ def verdict(result: Identification) -> Verdict:
         confirmed=confirmed,
         uncertain_share=uncertain,
         pays=None if estimate.assessment is None else estimate.assessment.pays,
-        consistent=not any(f.code == "not_physical" for f in result.warnings),
         obstacle=simulator_obstacle(estimate),
     )
 

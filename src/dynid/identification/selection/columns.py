@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, Mask
-from dynid.identification.bayesian import NOT_NEGATIVE
+from dynid.identification.bayesian import NOT_NEGATIVE, symbol_of
 from dynid.identification.least_squares import PRIOR_GAIN, Estimator, WeightedLeastSquares
 from dynid.identification.problem import IdentificationProblem
 from dynid.reduction import reduce_model
@@ -215,6 +215,28 @@ def with_load(
         found = LoadFriction(joints=load.joints, parameters=tuple(inertial.tolist()))
         model = replace(model, friction=replace(model.friction, load=found))
     return model
+
+
+def without_negative(
+    model: InverseDynamicModel, samples: Samples, estimator: Estimator
+) -> InverseDynamicModel:
+    """The model without friction that the fit makes negative, which would drive its joint.
+
+    Candidates are scored with parameters that are not; beside the load that the fit finds, or with
+    another weighting, they may become so. Arguments as for `with_load`.
+    """
+    while True:
+        base = reduce_model(model)
+        values = estimator.fit(IdentificationProblem(base=base, samples=samples)).values
+        driving = {
+            name
+            for name, value in zip(base.names, values, strict=True)
+            if value < 0 and name[0] == "F" and symbol_of(name) in NOT_NEGATIVE
+        }
+        friction = model.friction.without(driving, model.robot.joints)
+        if friction == model.friction:
+            return model
+        model = with_load(replace(model, friction=friction), samples, estimator)
 
 
 def _inertial_parameters(

@@ -5,7 +5,6 @@ Inputs are checked before algebra: constant channels, absurd scales, one run giv
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -29,7 +28,7 @@ def check_channels(record: ExperimentRecord) -> tuple[Finding, ...]:
     Returns:
         `dead_channel` for torques that stay the same while their arm moves, and for positions
         that stay the same while their velocity is not zero; `unit_suspect` with severity `error`
-        for absurd scales. One finding a channel, with its joint and value.
+        for absurd scales. Dead channels with the same value are one finding.
     """
     moves = bool(np.ptp(record.signals["q"], axis=0).max() > 0)
     found: list[Finding] = []
@@ -37,21 +36,32 @@ def check_channels(record: ExperimentRecord) -> tuple[Finding, ...]:
         values = record.signals.get(quantity)
         if values is None:
             continue
+        dead: dict[float, tuple[int, ...]] = {}
         for joint, (low, high) in enumerate(zip(values.min(0), values.max(0), strict=True)):
-            about = partial(Finding, joints=(joint,), unit=UNITS[quantity])
-            name = f"{quantity} of joint {joint + 1}"
             size = float(max(abs(low), abs(high)))
             if size > most or 0 < size < least:
-                text = f"{name} reaches {size:.4g} {UNITS[quantity]}, which no arm does"
-                step = "check its unit and its column"
-                found.append(
-                    about("unit_suspect", text, severity="error", value=size, next_step=step)
-                )
+                text = f"reaches {size:.4g} {UNITS[quantity]}, which no arm does"
+                found.append(_channel("unit_suspect", quantity, (joint,), text, size))
             elif low == high and moves and _is_dead(record, quantity, joint):
-                text = f"{name} is {float(low) + 0.0:.4g} on every row"
-                step = "check its column and its sensor"
-                found.append(about("dead_channel", text, value=float(low), next_step=step))
+                dead[float(low)] = (*dead.get(float(low), ()), joint)
+        for value, alike in dead.items():
+            text = f"is {value + 0.0:.4g} on every row"
+            found.append(_channel("dead_channel", quantity, alike, text, value))
     return tuple(found)
+
+
+def _channel(kind: str, quantity: str, about: tuple[int, ...], text: str, value: float) -> Finding:
+    absurd = kind == "unit_suspect"
+    which = f"{'joint' if len(about) == 1 else 'joints'} {', '.join(str(j + 1) for j in about)}"
+    return Finding(
+        kind,
+        f"{quantity} of {which} {text}",
+        severity="error" if absurd else "",
+        joints=about,
+        value=value,
+        unit=UNITS[quantity],
+        next_step=f"check column and {'unit' if absurd else 'sensor'}",
+    )
 
 
 def _is_dead(record: ExperimentRecord, quantity: str, joint: int) -> bool:
@@ -215,7 +225,7 @@ def _report_odd_torques(table: RawTable, robot: RobotModel | None) -> RawTable:
             )
         # UR drivers send motor currents in A as effort.
         alone = quantity == "effort" and "current" not in table.signals
-        small = float(np.nanmax(share)) <= _FAR_BELOW and not np.isnan(robot.drives.gain).any()
+        small = 0 < float(np.nanmax(share)) <= _FAR_BELOW and not np.isnan(robot.drives.gain).any()
         if alone and small:
             table = table.report(
                 "unit_suspect",
