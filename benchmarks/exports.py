@@ -7,8 +7,6 @@ count; the fastest of several rounds counts. The asked figure is 2 us a call in 
 compiler and pinocchio: pip install 'dynid[dev]'.
 """
 
-from __future__ import annotations
-
 import runpy
 import subprocess
 import sys

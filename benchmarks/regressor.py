@@ -11,8 +11,6 @@ most four values for a value with its gradient, whatever the criterion.
 Needs pinocchio: pip install 'dynid[dev]'.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Callable
