@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from dynid.core import Array, RecordError, printable
 from dynid.recording import bagfiles
-from dynid.recording.bagfiles import MAGIC as ROS1_MAGIC
 from dynid.recording.content import Budget
 from dynid.recording.messages import (
     MessageDecoder,
@@ -234,7 +233,7 @@ def _messages(paths: Sequence[Path], catalog: bagfiles.Catalog) -> Iterator[bagf
             head = stream.read(16)
         if head.startswith(bagfiles.MCAP_MAGIC):
             yield from bagfiles.mcap_messages(path, catalog)
-        elif head.startswith(ROS1_MAGIC):
+        elif head.startswith(bagfiles.ROS1_MAGIC):
             yield from bagfiles.ros1_messages(path, catalog)
         else:
             yield from bagfiles.db3_messages(path, catalog)
