@@ -17,8 +17,6 @@ its largest speed says, are skipped. Prints one line a motion; exits 1 if it fin
 that the certificate calls feasible.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import math

@@ -9,8 +9,6 @@ or the folder given, where they are.
     python benchmarks/consistent.py [DATA]
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from pathlib import Path

@@ -5,8 +5,6 @@ same in virtual time. Asked: no missing timestamp, steps exactly 8 and 2 ms, vir
 least five times as fast as real time, end to end. Run it on an idle machine.
 """
 
-from __future__ import annotations
-
 import itertools
 import json
 import sys

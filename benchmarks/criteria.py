@@ -16,8 +16,6 @@ Needs pinocchio: pip install 'dynid[dev]'. Options: --seeds N (10), --starts N (
 at 125 Hz) in place of designs.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import time

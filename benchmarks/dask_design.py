@@ -9,8 +9,6 @@ same, whoever computes it. Asked: 1.7 times on idle cores, the median of the rou
 Needs dynid[dask].
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import random

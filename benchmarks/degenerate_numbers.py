@@ -6,8 +6,6 @@ Prints the exit code and the line for each; exits 1 where one is a traceback, a 
 several lines, or called a bug in dynid.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import sys

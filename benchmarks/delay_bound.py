@@ -9,8 +9,6 @@ Inertias have the spread about published ones that the arms are drawn with, roto
 Torques and their derivatives are MuJoCo's and the plant's, nothing of the identified model.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
 

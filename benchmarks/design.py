@@ -7,8 +7,6 @@ a budget is asked for.
 Needs pinocchio: pip install 'dynid[dev]'. Options: --seeds N (10), --quick.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -18,8 +18,6 @@ held-out motions that no design sees. All designs are safe ones with collisions,
 Exits with 1 where an asked figure is missed. Needs pinocchio: pip install 'dynid[dev]'.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import json

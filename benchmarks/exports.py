@@ -7,8 +7,6 @@ count; the fastest of several rounds counts. The asked figure is 2 us a call in 
 compiler and pinocchio: pip install 'dynid[dev]'.
 """
 
-from __future__ import annotations
-
 import runpy
 import subprocess
 import sys
@@ -18,17 +16,17 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from shared.measuring import fastest
+from shared.measuring import ROOT, fastest
 
-from dynid.core import provenance
 from dynid.export import write_model
 from dynid.export.c_code import c_prefix
 from dynid.export.verification import C_FLAGS, c_compiler
-from dynid.identification import Estimate, MotionRange, inertial_prior
-from dynid.reduction import reduce_model
+from dynid.identification import Estimate, inertial_prior
 from dynid.regressor import FrictionTerms, Gear, InverseDynamicModel, LoadFriction, TorqueRipple
 from dynid.robot import load_robot
-from dynid.signals import ProcessingSettings
+
+sys.path.insert(0, str(ROOT / "tests" / "export"))
+from known_exports import estimate_of
 
 ASKED_US = 2.0
 CALLS, ROUNDS, BATCH = 200_000, 7, 1000
@@ -64,31 +62,12 @@ def prior_bodies() -> np.ndarray:
 
 def ur5_estimate(friction: FrictionTerms) -> Estimate:
     """The UR5 with its prior inertias and friction of the real arm's size."""
-    base = reduce_model(InverseDynamicModel(robot=load_robot("ur5"), friction=friction))
     coulomb, viscous = [7.7, 8.4, 8.3, 1.9, 1.8, 1.8], [10.8, 8.8, 5.5, 2.8, 1.9, 1.4]
     motor = [2.0, 2.2, 1.1, 0.3, 0.3, 0.3]
-    one = np.ones(6)
-    shaped = np.full(len(base.model.columns) - 78, 0.05)
+    robot = load_robot("ur5")
+    shaped = np.full(len(InverseDynamicModel(robot=robot, friction=friction).columns) - 78, 0.05)
     known = np.concatenate([prior_bodies(), coulomb, viscous, motor, shaped])
-    return Estimate(
-        model=base.model,
-        independent=base.independent,
-        expressions=base.expressions,
-        values=base.from_standard(known),
-        covariance=np.eye(base.rank),
-        naive_std=np.ones(base.rank),
-        noise=one,
-        condition_number=1.0,
-        scaled_condition_number=1.0,
-        motion_condition_number=1.0,
-        samples=1250,
-        estimator="ols",
-        preset="paper",
-        settings=ProcessingSettings(cutoff_hz=10.0),
-        essential=(),
-        motion=MotionRange(lower=-one, upper=one, speed=one, acceleration=one),
-        provenance=provenance(),
-    )
+    return estimate_of(robot, known, friction)
 
 
 def frictions() -> dict[str, FrictionTerms]:

@@ -11,8 +11,6 @@ within its radius of each); bodies are convex, so that they hold the triangle. B
 surface of a link's bodies is from its mesh.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import re

@@ -8,8 +8,6 @@ run with ten new ones computes.
     python benchmarks/fleet.py [--robots 4] [--recordings 50] [--seeds 0] [--jobs 1]
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from dataclasses import dataclass, replace

@@ -5,8 +5,6 @@
 Limits: 1.5 GB and 20 s of CPU, one message of one line; an honest file of the same size is read.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tempfile

@@ -7,8 +7,6 @@ The arm has a UR5's published inertias, each a tenth off, and a UR5's friction: 
 parameters, which no UR5 has, most of the time goes into the search for a fault.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 

@@ -8,8 +8,6 @@ and reported, or wrong in silence; and the recordings of ../shared/data that are
 rule without any of them earns nothing. Files are read once: rules work on the raw tables.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import io

@@ -12,8 +12,6 @@ up to 20 % different, and each drive gain is off by 2 %; mass and centre.
 presliding on every second arm.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass, replace
 from itertools import count

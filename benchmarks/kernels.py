@@ -10,8 +10,6 @@ the CPU time; exits with 1 where one is above 34.5 (12 starts, the default of `-
 33 (60 starts).
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

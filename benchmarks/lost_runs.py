@@ -9,8 +9,6 @@ untouched (every other run finds one in its recording's place); and the count in
 be that of the rows which can be read. Exits 1 if anything of that fails.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import random

@@ -22,8 +22,6 @@ reports; release 0.1 gets the recordings imported and only does `identify --pres
 `report`. Asked: 1.5 times the median CPU.
 """
 
-from __future__ import annotations
-
 import argparse
 import gzip
 import json

@@ -8,8 +8,6 @@ reports. Without the recordings at ../shared/data (or the folder given) there is
     python benchmarks/real_recordings.py [DATA [NAME...]]
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from dataclasses import dataclass, replace

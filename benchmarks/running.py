@@ -7,8 +7,6 @@ Run with:  python benchmarks/running.py [--seconds 30]
 - real time against virtual time, same seed: how far the records differ
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import tempfile

@@ -4,8 +4,6 @@ The commands run in turn, many times, so that both meet the same load of the mac
 asked figure is a ratio of medians of at most 4.
 """
 
-from __future__ import annotations
-
 import statistics
 import subprocess
 import sys

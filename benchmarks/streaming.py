@@ -12,8 +12,6 @@ Asked: 300 MB, CPU a sample of an hour at most 1.3 times that of three minutes, 
 paper) not above that of one.
 """
 
-from __future__ import annotations
-
 import json
 import resource
 import sys

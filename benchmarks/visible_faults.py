@@ -10,8 +10,6 @@ less than `SEEN` of its standard deviations changes torques that far less than t
 nobody can name it.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections import Counter

@@ -6,8 +6,6 @@ MkDocs and its theme live in an environment of their own (build/site-env), which
 of this one. `--strict`: a broken link is an error. The pages open from the file system.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

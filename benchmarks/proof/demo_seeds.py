@@ -10,8 +10,6 @@ no choice has used.
 friction, and of the link parameters that are from data for more than half, as in the report.
 """
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

@@ -7,8 +7,6 @@ package's tests that take less than a second each run on it until the first fail
 checkout are fixed by its source and the seed.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import os

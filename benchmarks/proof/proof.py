@@ -6,8 +6,6 @@ The variables that choose the kernels of BLAS and Numba are set for one command 
 cannot run here is written down with the reason; results of steps that are not run are kept.
 """
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import json

@@ -8,8 +8,6 @@ the analysis of a robot and the import of the extra's packages have to work; the
 the example log. Packages come from the index or pip's cache, as wheels only.
 """
 
-from __future__ import annotations
-
 import argparse
 import shutil
 import subprocess

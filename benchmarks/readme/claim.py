@@ -4,8 +4,6 @@ The arms, their friction and their torques share no code with the identified mod
 `dynid.bench.plants`); the URDF states other inertias than the arm has.
 """
 
-from __future__ import annotations
-
 import csv
 import tempfile
 import textwrap

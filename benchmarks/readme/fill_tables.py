@@ -1,7 +1,5 @@
 """Measure the tables of the README and of docs/real-recordings.md again, and draw its picture."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

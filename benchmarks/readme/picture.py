@@ -1,7 +1,5 @@
 """Draw the README's picture: a real UR5, identified from one motion, predicted on another."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

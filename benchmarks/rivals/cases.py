@@ -6,8 +6,6 @@ the part to predict. A counterbalance that the robot file knows is subtracted fo
 identifies the same parts of the original recordings.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass

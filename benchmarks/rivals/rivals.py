@@ -8,8 +8,6 @@ What is there already in runs/rivals is not run again.
     python benchmarks/rivals/rivals.py --page       # of what was measured before, nothing more
 """
 
-from __future__ import annotations
-
 import ast
 import json
 import os

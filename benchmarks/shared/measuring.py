@@ -1,7 +1,5 @@
 """What the benchmarks share: times in turn, processes that are measured, tables."""
 
-from __future__ import annotations
-
 import os
 import platform
 import subprocess

@@ -1,7 +1,5 @@
 """An arm of pinocchio and the paper's regressor of it, in a Python loop as many write it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray

@@ -33,6 +33,7 @@ from __future__ import annotations
 
 import importlib
 import warnings
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.2.0.dev0"
@@ -250,7 +251,9 @@ def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module 'dynid' has no attribute {name!r}")
     faces = (importlib.import_module(f"dynid.{face}") for face in _FACES)
-    value = next(getattr(face, name) for face in faces if name in face.__all__)
+    found = (getattr(face, name, None) for face in faces)
+    # A module of a package may be called as what another package offers.
+    value = next(item for item in found if not isinstance(item, ModuleType | None))
     globals()[name] = value
     return value
 

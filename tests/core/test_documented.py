@@ -18,7 +18,9 @@ FACES = ["dynid", *(f"dynid.{m.name}" for m in pkgutil.iter_modules(dynid.__path
 
 def public(face: str) -> dict[str, object]:
     module = importlib.import_module(face)
-    return {name: getattr(module, name) for name in getattr(module, "__all__", ())}
+    names = getattr(module, "__all__", dir(module))
+    found = {name: getattr(module, name) for name in names if not name.startswith("__")}
+    return {name: value for name, value in found.items() if not inspect.ismodule(value)}
 
 
 @pytest.mark.parametrize("face", FACES)

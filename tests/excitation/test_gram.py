@@ -1,13 +1,6 @@
 import numpy as np
 import pytest
-from criteria_chains import (
-    base_columns,
-    by_coefficients,
-    chain,
-    coefficients,
-    motion,
-    reduced,
-)
+from criteria_chains import base_columns, by_coefficients, chain, coefficients, motion, reduced
 
 from dynid.core import InputError
 from dynid.excitation import GramKernel

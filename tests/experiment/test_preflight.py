@@ -11,13 +11,7 @@ import pytest
 from dynid.constraints import safe_constraints
 from dynid.core import InputError, JobError
 from dynid.drivers import ControllerState
-from dynid.experiment import (
-    ExperimentPlan,
-    check_design,
-    check_robot,
-    plan_approach,
-    require_ready,
-)
+from dynid.experiment import ExperimentPlan, check_design, check_robot, plan_approach, require_ready
 from dynid.experiment.preflight import PreflightCheck
 from dynid.robot import load_robot, with_tool
 from dynid.trajectory import rest_series

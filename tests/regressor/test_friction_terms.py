@@ -7,14 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynid.core import InputError
-from dynid.regressor import (
-    TERMS,
-    FrictionTerms,
-    Gear,
-    TorqueRipple,
-    parse_terms,
-    terms_from_json,
-)
+from dynid.regressor import TERMS, FrictionTerms, Gear, TorqueRipple, parse_terms, terms_from_json
 
 some_joints = st.none() | st.sets(st.integers(0, 11), min_size=1).map(lambda js: tuple(sorted(js)))
 some_widths = st.floats(0, 10) | st.lists(st.floats(0, 10), min_size=1, max_size=12).map(tuple)

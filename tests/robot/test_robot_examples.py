@@ -4,12 +4,7 @@ import pytest
 from robot_oracles import EXAMPLES, SHARED, flange_pose, pinocchio_model
 from urdf_samples import load_urdf
 
-from dynid.robot import (
-    Counterbalance,
-    joint_poses,
-    load_robot,
-    nominal_geometry,
-)
+from dynid.robot import Counterbalance, joint_poses, load_robot, nominal_geometry
 
 NAMES = ["gen3", "kr300", "panda", "tx40", "ur10_unisa"]
 needs_recordings = pytest.mark.skipif(

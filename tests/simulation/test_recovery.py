@@ -13,12 +13,7 @@ from robots_for_simulation import (
 
 from dynid.core import Array
 from dynid.robot import RobotModel
-from dynid.simulation import (
-    SimulatedArm,
-    SimulatedRun,
-    simulate,
-    simulated_arm,
-)
+from dynid.simulation import SimulatedArm, SimulatedRun, simulate, simulated_arm
 from dynid.trajectory import FourierSeries, JointMotion, random_excitation
 
 FRICTION_AND_ROTORS = [13 * j + k for j in range(6) for k in (10, 11)] + [

@@ -5,13 +5,7 @@ from hypothesis import strategies as st
 from robots_for_simulation import constant_temperature
 
 from dynid.core import InputError
-from dynid.simulation import (
-    JointThermal,
-    SimulatedArm,
-    SimulatedPlant,
-    simulate,
-    warm_up,
-)
+from dynid.simulation import JointThermal, SimulatedArm, SimulatedPlant, simulate, warm_up
 from dynid.trajectory import FourierSeries
 
 

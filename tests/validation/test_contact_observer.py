@@ -72,6 +72,18 @@ def test_a_contact_is_found_in_time_and_nothing_before(
     assert (found[0] + 1) / RATE <= WITHIN_S
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("thresholds", [12], indirect=True)
+def test_ten_minutes_of_free_motion_raise_no_alarm(
+    estimate: Estimate, thresholds: ContactThresholds
+) -> None:
+    observer = MomentumObserver(estimate=estimate)
+    for seed in range(20_000, 20_060):
+        t, q, dq, torque = touched(seed, None, 1250)
+        alarm = thresholds.contacts(observer.residuals(t, q, dq, torque), dq)
+        assert not alarm[SETTLED:].any(), seed
+
+
 def test_the_residual_is_the_external_torque(estimate: Estimate) -> None:
     t, q, dq, torque = touched(5, 1)
     residual = MomentumObserver(estimate=estimate).residuals(t, q, dq, torque)

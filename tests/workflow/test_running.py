@@ -223,7 +223,7 @@ def test_a_disk_that_refuses_the_end_loses_no_rows(
     def refuse(*_: object) -> None:
         raise JobError("the recording cannot be written", value="No space left on device")
 
-    monkeypatch.setattr("dynid.recording.writer.write_record", refuse)
+    monkeypatch.setattr("dynid.recording.store.write_record", refuse)
     run = run_design(design, path, settings=RunSettings(repeat=1))
     monkeypatch.undo()
     assert run.abort is not None

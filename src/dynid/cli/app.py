@@ -7,12 +7,7 @@ from typing import Annotated
 import typer
 
 from dynid import __version__
-from dynid.cli import (
-    estimate_commands,
-    motion_commands,
-    result_commands,
-    robot_commands,
-)
+from dynid.cli import estimate_commands, motion_commands, result_commands, robot_commands
 from dynid.cli.options import Command, Commands, exit_code_of, flag, guard_streams
 
 SUMMARY = "Identify the dynamics of a robot arm: inertias, friction, motor inertia, uncertainty."

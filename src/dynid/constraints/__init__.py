@@ -1,60 +1,31 @@
 """One judge for motions: limits of joints, speed, torque and power, and collisions."""
 
-from dynid.constraints.bodies import least_distance
-from dynid.constraints.certificate import Certificate, certify
-from dynid.constraints.collision import CollisionBodies, JudgedPairs, Proximity
-from dynid.constraints.dynamic import prior_dynamics, prior_link
-from dynid.constraints.limits import DISTANCES, RATIOS, Unjudged, Worst
-from dynid.constraints.motion import (
-    CLEARANCE,
-    MARGIN,
-    PRESETS,
-    MotionConstraints,
-    paper_constraints,
-    safe_constraints,
-)
-from dynid.constraints.scene import (
-    BOX,
-    CYLINDER,
-    FLOORS,
-    HALF_SPACE,
-    SPHERE,
-    ConstraintSettings,
-    Scene,
-    Shape,
-    body_of,
-    read_scene,
-    scene_from_json,
-)
-
-__all__ = [
-    "BOX",
-    "CLEARANCE",
-    "CYLINDER",
-    "DISTANCES",
-    "FLOORS",
-    "HALF_SPACE",
-    "MARGIN",
-    "PRESETS",
-    "RATIOS",
-    "SPHERE",
-    "Certificate",
-    "CollisionBodies",
-    "ConstraintSettings",
-    "JudgedPairs",
-    "MotionConstraints",
-    "Proximity",
-    "Scene",
-    "Shape",
-    "Unjudged",
-    "Worst",
-    "body_of",
-    "certify",
-    "least_distance",
-    "paper_constraints",
-    "prior_dynamics",
-    "prior_link",
-    "read_scene",
-    "safe_constraints",
-    "scene_from_json",
-]
+from dynid.constraints.bodies import least_distance as least_distance
+from dynid.constraints.certificate import Certificate as Certificate
+from dynid.constraints.certificate import certify as certify
+from dynid.constraints.collision import CollisionBodies as CollisionBodies
+from dynid.constraints.collision import JudgedPairs as JudgedPairs
+from dynid.constraints.collision import Proximity as Proximity
+from dynid.constraints.dynamic import prior_dynamics as prior_dynamics
+from dynid.constraints.dynamic import prior_link as prior_link
+from dynid.constraints.limits import DISTANCES as DISTANCES
+from dynid.constraints.limits import RATIOS as RATIOS
+from dynid.constraints.limits import Unjudged as Unjudged
+from dynid.constraints.limits import Worst as Worst
+from dynid.constraints.motion import CLEARANCE as CLEARANCE
+from dynid.constraints.motion import MARGIN as MARGIN
+from dynid.constraints.motion import PRESETS as PRESETS
+from dynid.constraints.motion import MotionConstraints as MotionConstraints
+from dynid.constraints.motion import paper_constraints as paper_constraints
+from dynid.constraints.motion import safe_constraints as safe_constraints
+from dynid.constraints.scene import BOX as BOX
+from dynid.constraints.scene import CYLINDER as CYLINDER
+from dynid.constraints.scene import FLOORS as FLOORS
+from dynid.constraints.scene import HALF_SPACE as HALF_SPACE
+from dynid.constraints.scene import SPHERE as SPHERE
+from dynid.constraints.scene import ConstraintSettings as ConstraintSettings
+from dynid.constraints.scene import Scene as Scene
+from dynid.constraints.scene import Shape as Shape
+from dynid.constraints.scene import body_of as body_of
+from dynid.constraints.scene import read_scene as read_scene
+from dynid.constraints.scene import scene_from_json as scene_from_json

@@ -155,9 +155,7 @@ def _shape(item: object, where: str, kinds: tuple[str, ...]) -> Shape:
         code, pose, size = _solid(name, fields)
         return Shape(name=label, kind=code, pose=pose, size=size)
     except InputError as error:
-        raise InputError(
-            error.what, where=f"{where} ({name})", value=error.value, limit=error.limit
-        ) from error
+        raise error.changed(where=f"{where} ({name})", next_step=None) from error
 
 
 def _solid(kind: str, fields: JsonFields) -> tuple[int, Array, Array]:

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
-from typing import cast
+from typing import Any, Self, cast
 
 LONGEST_WORD = 40
 """A longer value is no word that was mistyped."""
@@ -43,6 +43,16 @@ class DynidError(Exception):
         self.limit = limit
         self.next_step = next_step or _suggestion(value, limit)
         super().__init__(self._message())
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What it tells, by the names of the arguments."""
+        names = ("what", "where", "value", "limit", "next_step")
+        return {name: getattr(self, name) for name in names}
+
+    def changed(self, **facts: Any) -> Self:
+        """The same error with some of its facts changed."""
+        return type(self)(**self.facts | facts)
 
     def _message(self) -> str:
         parts = [f"{self.where}: {self.what}" if self.where else self.what]

@@ -12,15 +12,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Generator, Iterator, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    wait,
-)
+from concurrent import futures
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -62,16 +54,16 @@ class Workers:
     `executor` is None where there are none, or none any more.
     """
 
-    executor: Executor | None = None
+    executor: futures.Executor | None = None
     slots: int = 0
     """Tasks that they take at a time."""
-    reopen: Callable[[], Executor] | None = None
+    reopen: Callable[[], futures.Executor] | None = None
     """Opens local processes again: one that is killed breaks all of them."""
     present: Callable[[], int] | None = None
     """How many workers a cluster has now."""
     reopened: int = 0
 
-    def submit(self, task: Callable[..., Result], *words: Any) -> Future[Result] | None:
+    def submit(self, task: Callable[..., Result], *words: Any) -> futures.Future[Result] | None:
         """Hand a task, which other processes can import, to the workers; None if there are none."""
         while self.executor is not None:
             # A process that is being born inherits the mask: Ctrl-C is for the caller alone.
@@ -87,15 +79,17 @@ class Workers:
         return None
 
     def finished(
-        self, pending: Collection[Future[Result]], wait_s: float | None
-    ) -> set[Future[Result]]:
+        self, pending: Collection[futures.Future[Result]], wait_s: float | None
+    ) -> set[futures.Future[Result]]:
         """Tasks that are done or lost, waiting for the first so long [s]; None for no limit."""
         until = None if wait_s is None else time.monotonic() + wait_s
         without = 0.0
         while pending:
             left = POLL_S if until is None else min(POLL_S, until - time.monotonic())
             begun = time.monotonic()
-            done, _ = wait(pending, timeout=max(left, 0.0), return_when=FIRST_COMPLETED)
+            done, _ = futures.wait(
+                pending, timeout=max(left, 0.0), return_when=futures.FIRST_COMPLETED
+            )
             if done or (until is not None and time.monotonic() >= until):
                 return done
             empty = self.present is not None and self.present() == 0
@@ -108,7 +102,7 @@ class Workers:
         return set()
 
 
-def result_of(future: Future[Result]) -> Result:
+def result_of(future: futures.Future[Result]) -> Result:
     """The result of a task that `Workers.finished` gave.
 
     Raises:
@@ -116,7 +110,7 @@ def result_of(future: Future[Result]) -> Result:
     """
     try:
         return future.result()
-    except (BrokenExecutor, CancelledError) as error:
+    except (futures.BrokenExecutor, futures.CancelledError) as error:
         raise WorkerLost from error
     except Exception as error:
         distributed: Any = sys.modules.get("distributed")
@@ -146,7 +140,7 @@ def each(
         Number of the item, and its result.
     """
     todo = deque(range(len(items)))
-    pending: dict[Future[list[Result]], list[int]] = {}
+    pending: dict[futures.Future[list[Result]], list[int]] = {}
     done, own_s = 0, HANDED_S
 
     def told(number: int, result: Result) -> tuple[int, Result]:
@@ -214,11 +208,11 @@ def workers(jobs: int = 1, dask: str | None = None) -> Generator[Workers]:
     # Spawned, not forked: threads of BLAS and Numba do not survive a fork.
     context = multiprocessing.get_context("spawn")
     enough = context.Event()
-    pools: list[ProcessPoolExecutor] = []
+    pools: list[futures.ProcessPoolExecutor] = []
 
-    def opened() -> Executor:
+    def opened() -> futures.Executor:
         pools.append(
-            ProcessPoolExecutor(
+            futures.ProcessPoolExecutor(
                 jobs - 1, mp_context=context, initializer=_begin_worker, initargs=(enough,)
             )
         )

@@ -18,14 +18,7 @@ from dynid.drivers.driver import (
     Source,
     Watchdog,
 )
-from dynid.simulation import (
-    PlantState,
-    SimulatedArm,
-    SimulatedPlant,
-    Thermal,
-    recorded,
-    stacked,
-)
+from dynid.simulation import PlantState, SimulatedArm, SimulatedPlant, Thermal, recorded, stacked
 
 _BLOCK = 8
 """Cycles that are measured and recorded together: less than the 0.1 s in which a stop is due."""

@@ -1,77 +1,35 @@
 """Excitation trajectories: criteria, optimisers, designs."""
 
-from dynid.excitation.criteria import (
-    CRITERIA,
-    AOptimal,
-    Criterion,
-    all_criteria,
-    parse_criterion,
-    prior_scale,
-    scaled_condition_number,
-)
-from dynid.excitation.evaluation import DesignEvaluation
-from dynid.excitation.feasible import check_room
-from dynid.excitation.genetic import evolve
-from dynid.excitation.gram import GramKernel
-from dynid.excitation.multistart import Effort
-from dynid.excitation.optimise import (
-    METHODS,
-    ExcitationDesign,
-    Optimised,
-    by_genetic_algorithm,
-    by_gradient,
-)
-from dynid.excitation.problem import (
-    Candidate,
-    ExcitationProblem,
-    HistoryEntry,
-    Search,
-    SearchProgress,
-)
-from dynid.excitation.purpose import (
-    Expected,
-    Purpose,
-    assumed_noise,
-    expected,
-    purpose_of,
-    safe_motions,
-    whole_workspace,
-    without_friction,
-)
-from dynid.excitation.region import MotionRegion, random_numbers, region_of
-
-__all__ = [
-    "CRITERIA",
-    "METHODS",
-    "AOptimal",
-    "Candidate",
-    "Criterion",
-    "DesignEvaluation",
-    "Effort",
-    "ExcitationDesign",
-    "ExcitationProblem",
-    "Expected",
-    "GramKernel",
-    "HistoryEntry",
-    "MotionRegion",
-    "Optimised",
-    "Purpose",
-    "Search",
-    "SearchProgress",
-    "all_criteria",
-    "assumed_noise",
-    "by_genetic_algorithm",
-    "by_gradient",
-    "check_room",
-    "evolve",
-    "expected",
-    "parse_criterion",
-    "prior_scale",
-    "purpose_of",
-    "random_numbers",
-    "region_of",
-    "safe_motions",
-    "scaled_condition_number",
-    "whole_workspace",
-    "without_friction",
-]
+from dynid.excitation.criteria import CRITERIA as CRITERIA
+from dynid.excitation.criteria import AOptimal as AOptimal
+from dynid.excitation.criteria import Criterion as Criterion
+from dynid.excitation.criteria import all_criteria as all_criteria
+from dynid.excitation.criteria import parse_criterion as parse_criterion
+from dynid.excitation.criteria import prior_scale as prior_scale
+from dynid.excitation.criteria import scaled_condition_number as scaled_condition_number
+from dynid.excitation.evaluation import DesignEvaluation as DesignEvaluation
+from dynid.excitation.feasible import check_room as check_room
+from dynid.excitation.genetic import evolve as evolve
+from dynid.excitation.gram import GramKernel as GramKernel
+from dynid.excitation.multistart import Effort as Effort
+from dynid.excitation.optimise import METHODS as METHODS
+from dynid.excitation.optimise import ExcitationDesign as ExcitationDesign
+from dynid.excitation.optimise import Optimised as Optimised
+from dynid.excitation.optimise import by_genetic_algorithm as by_genetic_algorithm
+from dynid.excitation.optimise import by_gradient as by_gradient
+from dynid.excitation.problem import Candidate as Candidate
+from dynid.excitation.problem import ExcitationProblem as ExcitationProblem
+from dynid.excitation.problem import HistoryEntry as HistoryEntry
+from dynid.excitation.problem import Search as Search
+from dynid.excitation.problem import SearchProgress as SearchProgress
+from dynid.excitation.purpose import Expected as Expected
+from dynid.excitation.purpose import Purpose as Purpose
+from dynid.excitation.purpose import assumed_noise as assumed_noise
+from dynid.excitation.purpose import expected as expected
+from dynid.excitation.purpose import purpose_of as purpose_of
+from dynid.excitation.purpose import safe_motions as safe_motions
+from dynid.excitation.purpose import whole_workspace as whole_workspace
+from dynid.excitation.purpose import without_friction as without_friction
+from dynid.excitation.region import MotionRegion as MotionRegion
+from dynid.excitation.region import random_numbers as random_numbers
+from dynid.excitation.region import region_of as region_of

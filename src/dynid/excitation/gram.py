@@ -9,22 +9,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from dynid import regressor
 from dynid.core import Array, InputError
 from dynid.reduction import BaseParametrization, gram_layout
-from dynid.regressor import (
-    Gradient,
-    InverseDynamicModel,
-    by_sample,
-    check_differentiable,
-    in_lanes,
-    inertial_rows,
-    regressor_pullback,
-    turns,
-)
 
 DESIGN_WIDTH = 0.05
 """Width of the Coulomb step inside an optimiser [rad/s or m/s]: its slope can be followed."""
-Pullback = Callable[[Array], Gradient]
+Pullback = Callable[[Array], regressor.Gradient]
 """From S (b, b) to the derivatives of tr(S G) by q, dq and ddq, each (N, n)."""
 
 
@@ -48,7 +39,7 @@ class GramKernel:
 
     def __init__(
         self,
-        model: InverseDynamicModel,
+        model: regressor.InverseDynamicModel,
         base: BaseParametrization,
         *,
         noise: Array | None = None,
@@ -57,7 +48,7 @@ class GramKernel:
         n = model.robot.joints
         if base.model.names != model.names:
             raise InputError("the base parameters are those of another model")
-        check_differentiable(model)
+        regressor.check_differentiable(model)
         sigma = np.ones(n) if noise is None else np.asarray(noise, dtype=np.float64)
         if sigma.shape != (n,) or not (np.isfinite(sigma) & (sigma > 0)).all():
             raise InputError(
@@ -84,11 +75,13 @@ class GramKernel:
         Raises:
             InputError: Shapes that do not fit the robot or each other.
         """
-        state = self._state = in_lanes(self._model.motion(q, dq, ddq))
+        state = self._state = regressor.in_lanes(self._model.motion(q, dq, ddq))
         if len(q) != self._samples:
             self._allocate(len(q), state.shape)
-        turn = self._turn = turns(state[0])
-        inertial_rows(*self._model.constants, turn, state, self._rows, self._layout.places)
+        turn = self._turn = regressor.turns(state[0])
+        regressor.inertial_rows(
+            *self._model.constants, turn, state, self._rows, self._layout.places
+        )
         self._model.fill_beside(state[1], state[2], self._beside)
         for j, panel in enumerate(self._layout.panels):
             rows = self._rows[panel.rows, : self._samples]
@@ -107,7 +100,7 @@ class GramKernel:
         """
         return self.gram(q, dq, ddq), self._pull
 
-    def _pull(self, s: Array) -> Gradient:
+    def _pull(self, s: Array) -> regressor.Gradient:
         samples = self._samples
         for j, panel in enumerate(self._layout.panels):
             rows, bars = (a[panel.rows, :samples] for a in (self._rows, self._bars))
@@ -115,12 +108,12 @@ class GramKernel:
             np.matmul(2.0 * self._weights[j] * part, rows, out=bars)
             for bar, column in zip(bars, panel.beside, strict=False):
                 self._beside_bars[column, j, :samples] = bar
-        regressor_pullback(
+        regressor.regressor_pullback(
             *self._model.constants, self._turn, self._state, self._bars,
             self._layout.places, self._out,
         )  # fmt: skip
         self._model.pull_beside(self._state, self._beside_bars, self._out)
-        return by_sample(self._out, samples)
+        return regressor.by_sample(self._out, samples)
 
     def _allocate(self, samples: int, shape: tuple[int, ...]) -> None:
         n, length = shape[1:]

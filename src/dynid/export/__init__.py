@@ -1,15 +1,9 @@
 """Identified models as files that other programs load."""
 
-from dynid.export.model import ExportModel, completed_model
-from dynid.export.robot_xml import quaternion, roll_pitch_yaw
-from dynid.export.writing import ExportedFile, simulator_obstacle, write_model
-
-__all__ = [
-    "ExportModel",
-    "ExportedFile",
-    "completed_model",
-    "quaternion",
-    "roll_pitch_yaw",
-    "simulator_obstacle",
-    "write_model",
-]
+from dynid.export.model import ExportModel as ExportModel
+from dynid.export.model import completed_model as completed_model
+from dynid.export.robot_xml import quaternion as quaternion
+from dynid.export.robot_xml import roll_pitch_yaw as roll_pitch_yaw
+from dynid.export.writing import ExportedFile as ExportedFile
+from dynid.export.writing import simulator_obstacle as simulator_obstacle
+from dynid.export.writing import write_model as write_model

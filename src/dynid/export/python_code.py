@@ -9,14 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from dynid.core import Array
-from dynid.export.constants import (
-    COUNTERBALANCE,
-    WAVE,
-    arrays,
-    counterbalances,
-    friction_words,
-    ripple_waves,
-)
+from dynid.export import constants
 from dynid.export.model import ExportModel
 
 FRICTION = "<state>"
@@ -273,7 +266,7 @@ def friction_arguments(model: ExportModel) -> tuple[str, str, str]:
 
 def python_code(model: ExportModel, comment: str = "") -> str:
     """The file's text: constants, then functions of q, dq, ddq; `comment` says where it is from."""
-    words = friction_words(model)
+    words = constants.friction_words(model)
     now, still, why = friction_arguments(model)
     head = [
         f'"""Dynamics of {_safe(model.robot.name)}, {model.joints} joints, as identified by dynid.',
@@ -298,14 +291,14 @@ def python_code(model: ExportModel, comment: str = "") -> str:
 def _constants(model: ExportModel) -> Iterator[str]:
     yield f"JOINT_NAMES = {tuple(_safe(name) for name in model.robot.joint_names)!r}"
     yield f"JOINTS = {model.joints}"
-    for comment, name, value in arrays(model):
+    for comment, name, value in constants.arrays(model):
         if comment:
             yield f"# {comment}"
         yield f"{name.upper()} = {_array(value)}"
-    yield f"# {COUNTERBALANCE}"
-    yield f"COUNTERBALANCES = {counterbalances(model)!r}"
-    if waves := ripple_waves(model):
-        yield f"# {WAVE}"
+    yield f"# {constants.COUNTERBALANCE}"
+    yield f"COUNTERBALANCES = {constants.counterbalances(model)!r}"
+    if waves := constants.ripple_waves(model):
+        yield f"# {constants.WAVE}"
         yield "WAVES = ["
         yield from (f"    {wave!r}," for wave in waves)
         yield "]"

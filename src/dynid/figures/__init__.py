@@ -1,59 +1,29 @@
 """Figures without a drawing library: marks and axes in, SVG out, for pages and for files."""
 
-from dynid.figures.axes import Axis, axis_around, category_axis, number, units
-from dynid.figures.marks import (
-    Band,
-    Bars,
-    Level,
-    Line,
-    Mark,
-    Points,
-    Ranges,
-    Spans,
-    joint_role,
-    joint_unit,
-    legend,
-    script,
-    shaded,
-    style,
-)
-from dynid.figures.svg import (
-    Figure,
-    Panel,
-    document,
-    file_name,
-    fragment,
-    key,
-    plot,
-    write_figure,
-)
-
-__all__ = [
-    "Axis",
-    "Band",
-    "Bars",
-    "Figure",
-    "Level",
-    "Line",
-    "Mark",
-    "Panel",
-    "Points",
-    "Ranges",
-    "Spans",
-    "axis_around",
-    "category_axis",
-    "document",
-    "file_name",
-    "fragment",
-    "joint_role",
-    "joint_unit",
-    "key",
-    "legend",
-    "number",
-    "plot",
-    "script",
-    "shaded",
-    "style",
-    "units",
-    "write_figure",
-]
+from dynid.figures.axes import Axis as Axis
+from dynid.figures.axes import axis_around as axis_around
+from dynid.figures.axes import category_axis as category_axis
+from dynid.figures.axes import number as number
+from dynid.figures.axes import units as units
+from dynid.figures.marks import Band as Band
+from dynid.figures.marks import Bars as Bars
+from dynid.figures.marks import Level as Level
+from dynid.figures.marks import Line as Line
+from dynid.figures.marks import Mark as Mark
+from dynid.figures.marks import Points as Points
+from dynid.figures.marks import Ranges as Ranges
+from dynid.figures.marks import Spans as Spans
+from dynid.figures.marks import joint_role as joint_role
+from dynid.figures.marks import joint_unit as joint_unit
+from dynid.figures.marks import legend as legend
+from dynid.figures.marks import script as script
+from dynid.figures.marks import shaded as shaded
+from dynid.figures.marks import style as style
+from dynid.figures.svg import Figure as Figure
+from dynid.figures.svg import Panel as Panel
+from dynid.figures.svg import document as document
+from dynid.figures.svg import file_name as file_name
+from dynid.figures.svg import fragment as fragment
+from dynid.figures.svg import key as key
+from dynid.figures.svg import plot as plot
+from dynid.figures.svg import write_figure as write_figure

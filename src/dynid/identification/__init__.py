@@ -1,194 +1,96 @@
 """Estimators, their statistics, and the choice of settings."""
 
-from dynid.identification.bayesian import (
-    CENTRE_SPREAD_M,
-    MASS_SPREAD,
-    TENSOR_SPREAD,
-    BayesianRegression,
-    TowardPublished,
-    deviations,
-    inertial_prior,
-    not_negative,
-    posterior,
-    published_prior,
-)
-from dynid.identification.drive_gains import (
-    LARGEST_STD,
-    WIDTH,
-    DriveGains,
-    WeighedGains,
-    drive_gains,
-    weighed_gains,
-)
-from dynid.identification.estimate import (
-    FORMAT,
-    Estimate,
-    MotionRange,
-    StandardParameters,
-    estimate_to_json,
-    read_estimate,
-    write_estimate,
-)
-from dynid.identification.fitting import ESTIMATORS, AllRows, estimator_of, fit_estimate, plan_pass
-from dynid.identification.fleet import (
-    RecordStatistics,
-    friction_names,
-    record_statistics,
-    shared_names,
-    solve_robot,
-)
-from dynid.identification.instrumental import (
-    ClosedLoop,
-    InstrumentalVariables,
-    OutputError,
-    smooth_motion,
-    solve_instrumental,
-)
-from dynid.identification.least_squares import (
-    PRIOR_GAIN,
-    Estimator,
-    Fit,
-    HuberRegression,
-    OrdinaryLeastSquares,
-    RecursiveLeastSquares,
-    TotalLeastSquares,
-    WeightedLeastSquares,
-    autocorrelation,
-    solve_total,
-)
-from dynid.identification.likelihood import Likelihood, MaximumLikelihood, motion_noise
-from dynid.identification.payload import Payload, payload_of
-from dynid.identification.physical import PhysicallyConsistent, standard_posterior
-from dynid.identification.problem import IdentificationProblem, motion_state
-from dynid.identification.ripple import with_ripple
-from dynid.identification.selection.columns import with_load, without_negative
-from dynid.identification.selection.search import PURPOSES, Selection, select
-from dynid.identification.shared import (
-    SharedFit,
-    SharedProblem,
-    base_order,
-    fit_shared,
-    friction_places,
-    shared_estimates,
-)
-from dynid.identification.statistics import (
-    essential_parameters,
-    hac_covariance,
-    long_run_covariance,
-    naive_covariance,
-)
-from dynid.identification.sums import PanelRows, PassPlan, RowSums, no_sums, sum_rows, sums_from
-from dynid.identification.temperature import LEAST_SPREAD_K, JointTemperatureLaw, fit_law
-from dynid.identification.temperature_model import (
-    EstimateLike,
-    TemperatureModel,
-    open_estimate,
-    read_temperature,
-    write_temperature,
-)
-from dynid.identification.trends import (
-    CONFIDENCE,
-    JointState,
-    Trend,
-    holm,
-    judge,
-    repeated_motions,
-    trend,
-)
-
-__all__ = [
-    "CENTRE_SPREAD_M",
-    "CONFIDENCE",
-    "ESTIMATORS",
-    "FORMAT",
-    "LARGEST_STD",
-    "LEAST_SPREAD_K",
-    "MASS_SPREAD",
-    "PRIOR_GAIN",
-    "PURPOSES",
-    "TENSOR_SPREAD",
-    "WIDTH",
-    "AllRows",
-    "BayesianRegression",
-    "ClosedLoop",
-    "DriveGains",
-    "Estimate",
-    "EstimateLike",
-    "Estimator",
-    "Fit",
-    "HuberRegression",
-    "IdentificationProblem",
-    "InstrumentalVariables",
-    "JointState",
-    "JointTemperatureLaw",
-    "Likelihood",
-    "MaximumLikelihood",
-    "MotionRange",
-    "OrdinaryLeastSquares",
-    "OutputError",
-    "PanelRows",
-    "PassPlan",
-    "Payload",
-    "PhysicallyConsistent",
-    "RecordStatistics",
-    "RecursiveLeastSquares",
-    "RowSums",
-    "Selection",
-    "SharedFit",
-    "SharedProblem",
-    "StandardParameters",
-    "TemperatureModel",
-    "TotalLeastSquares",
-    "TowardPublished",
-    "Trend",
-    "WeighedGains",
-    "WeightedLeastSquares",
-    "autocorrelation",
-    "base_order",
-    "deviations",
-    "drive_gains",
-    "essential_parameters",
-    "estimate_to_json",
-    "estimator_of",
-    "fit_estimate",
-    "fit_law",
-    "fit_shared",
-    "friction_names",
-    "friction_places",
-    "hac_covariance",
-    "holm",
-    "inertial_prior",
-    "judge",
-    "long_run_covariance",
-    "motion_noise",
-    "motion_state",
-    "naive_covariance",
-    "no_sums",
-    "not_negative",
-    "open_estimate",
-    "payload_of",
-    "plan_pass",
-    "posterior",
-    "published_prior",
-    "read_estimate",
-    "read_temperature",
-    "record_statistics",
-    "repeated_motions",
-    "select",
-    "shared_estimates",
-    "shared_names",
-    "smooth_motion",
-    "solve_instrumental",
-    "solve_robot",
-    "solve_total",
-    "standard_posterior",
-    "sum_rows",
-    "sums_from",
-    "trend",
-    "weighed_gains",
-    "with_load",
-    "with_ripple",
-    "without_negative",
-    "write_estimate",
-    "write_temperature",
-]
+from dynid.identification.bayesian import CENTRE_SPREAD_M as CENTRE_SPREAD_M
+from dynid.identification.bayesian import MASS_SPREAD as MASS_SPREAD
+from dynid.identification.bayesian import TENSOR_SPREAD as TENSOR_SPREAD
+from dynid.identification.bayesian import BayesianRegression as BayesianRegression
+from dynid.identification.bayesian import TowardPublished as TowardPublished
+from dynid.identification.bayesian import deviations as deviations
+from dynid.identification.bayesian import inertial_prior as inertial_prior
+from dynid.identification.bayesian import not_negative as not_negative
+from dynid.identification.bayesian import posterior as posterior
+from dynid.identification.bayesian import published_prior as published_prior
+from dynid.identification.drive_gains import LARGEST_STD as LARGEST_STD
+from dynid.identification.drive_gains import WIDTH as WIDTH
+from dynid.identification.drive_gains import DriveGains as DriveGains
+from dynid.identification.drive_gains import WeighedGains as WeighedGains
+from dynid.identification.drive_gains import drive_gains as drive_gains
+from dynid.identification.drive_gains import weighed_gains as weighed_gains
+from dynid.identification.estimate import FORMAT as FORMAT
+from dynid.identification.estimate import Estimate as Estimate
+from dynid.identification.estimate import MotionRange as MotionRange
+from dynid.identification.estimate import StandardParameters as StandardParameters
+from dynid.identification.estimate import estimate_to_json as estimate_to_json
+from dynid.identification.estimate import read_estimate as read_estimate
+from dynid.identification.estimate import write_estimate as write_estimate
+from dynid.identification.fitting import ESTIMATORS as ESTIMATORS
+from dynid.identification.fitting import AllRows as AllRows
+from dynid.identification.fitting import estimator_of as estimator_of
+from dynid.identification.fitting import fit_estimate as fit_estimate
+from dynid.identification.fitting import plan_pass as plan_pass
+from dynid.identification.fleet import RecordStatistics as RecordStatistics
+from dynid.identification.fleet import friction_names as friction_names
+from dynid.identification.fleet import record_statistics as record_statistics
+from dynid.identification.fleet import shared_names as shared_names
+from dynid.identification.fleet import solve_robot as solve_robot
+from dynid.identification.instrumental import ClosedLoop as ClosedLoop
+from dynid.identification.instrumental import InstrumentalVariables as InstrumentalVariables
+from dynid.identification.instrumental import OutputError as OutputError
+from dynid.identification.instrumental import smooth_motion as smooth_motion
+from dynid.identification.instrumental import solve_instrumental as solve_instrumental
+from dynid.identification.least_squares import PRIOR_GAIN as PRIOR_GAIN
+from dynid.identification.least_squares import Estimator as Estimator
+from dynid.identification.least_squares import Fit as Fit
+from dynid.identification.least_squares import HuberRegression as HuberRegression
+from dynid.identification.least_squares import OrdinaryLeastSquares as OrdinaryLeastSquares
+from dynid.identification.least_squares import RecursiveLeastSquares as RecursiveLeastSquares
+from dynid.identification.least_squares import TotalLeastSquares as TotalLeastSquares
+from dynid.identification.least_squares import WeightedLeastSquares as WeightedLeastSquares
+from dynid.identification.least_squares import autocorrelation as autocorrelation
+from dynid.identification.least_squares import solve_total as solve_total
+from dynid.identification.likelihood import Likelihood as Likelihood
+from dynid.identification.likelihood import MaximumLikelihood as MaximumLikelihood
+from dynid.identification.likelihood import motion_noise as motion_noise
+from dynid.identification.payload import Payload as Payload
+from dynid.identification.payload import payload_of as payload_of
+from dynid.identification.physical import PhysicallyConsistent as PhysicallyConsistent
+from dynid.identification.physical import standard_posterior as standard_posterior
+from dynid.identification.problem import IdentificationProblem as IdentificationProblem
+from dynid.identification.problem import motion_state as motion_state
+from dynid.identification.ripple import with_ripple as with_ripple
+from dynid.identification.selection.columns import with_load as with_load
+from dynid.identification.selection.columns import without_negative as without_negative
+from dynid.identification.selection.search import PURPOSES as PURPOSES
+from dynid.identification.selection.search import Selection as Selection
+from dynid.identification.selection.search import select as select
+from dynid.identification.shared import SharedFit as SharedFit
+from dynid.identification.shared import SharedProblem as SharedProblem
+from dynid.identification.shared import base_order as base_order
+from dynid.identification.shared import fit_shared as fit_shared
+from dynid.identification.shared import friction_places as friction_places
+from dynid.identification.shared import shared_estimates as shared_estimates
+from dynid.identification.statistics import essential_parameters as essential_parameters
+from dynid.identification.statistics import hac_covariance as hac_covariance
+from dynid.identification.statistics import long_run_covariance as long_run_covariance
+from dynid.identification.statistics import naive_covariance as naive_covariance
+from dynid.identification.sums import PanelRows as PanelRows
+from dynid.identification.sums import PassPlan as PassPlan
+from dynid.identification.sums import RowSums as RowSums
+from dynid.identification.sums import no_sums as no_sums
+from dynid.identification.sums import sum_rows as sum_rows
+from dynid.identification.sums import sums_from as sums_from
+from dynid.identification.temperature import LEAST_SPREAD_K as LEAST_SPREAD_K
+from dynid.identification.temperature import JointTemperatureLaw as JointTemperatureLaw
+from dynid.identification.temperature import fit_law as fit_law
+from dynid.identification.temperature_model import EstimateLike as EstimateLike
+from dynid.identification.temperature_model import TemperatureModel as TemperatureModel
+from dynid.identification.temperature_model import open_estimate as open_estimate
+from dynid.identification.temperature_model import read_temperature as read_temperature
+from dynid.identification.temperature_model import write_temperature as write_temperature
+from dynid.identification.trends import CONFIDENCE as CONFIDENCE
+from dynid.identification.trends import JointState as JointState
+from dynid.identification.trends import Trend as Trend
+from dynid.identification.trends import holm as holm
+from dynid.identification.trends import judge as judge
+from dynid.identification.trends import repeated_motions as repeated_motions
+from dynid.identification.trends import trend as trend

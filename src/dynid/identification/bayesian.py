@@ -6,15 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynid.core import Array, Mask, freeze, inverse_upper, upper_triangle
-from dynid.identification.least_squares import (
-    PRIOR_GAIN,
-    Estimator,
-    Fit,
-    WeightedLeastSquares,
-    residual_noise,
-    reweighted,
-    solve,
-)
+from dynid.identification import least_squares
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
 from dynid.identification.statistics import hac_covariance, naive_covariance
 from dynid.reduction import BaseParametrization
@@ -236,7 +228,7 @@ def published_prior(base: BaseParametrization) -> PublishedPrior:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TowardPublished(Estimator):
+class TowardPublished(least_squares.Estimator):
     """Weighted least squares, inertias shrunk toward the published ones.
 
     The weight of the prior is over the number of rows of a joint: at 1, a body that is off by
@@ -251,18 +243,18 @@ class TowardPublished(Estimator):
     groups: tuple[int, ...] | None = None
     """See `WeightedLeastSquares`."""
 
-    def fit(self, problem: IdentificationProblem) -> Fit:
+    def fit(self, problem: IdentificationProblem) -> least_squares.Fit:
         """See `Estimator`."""
         factors = joint_factors(problem)
         known = published_prior(problem.base)
         word = "the published ones" if known.published else "plausible bodies"
         strength = self.weight * problem.blocks
         root, pull = np.sqrt(strength) * known.root, strength * known.pull
-        fit = reweighted(
+        fit = least_squares.reweighted(
             problem,
             factors,
             self.groups,
-            lambda weights: posterior(factors, weights, known.mean, root, PRIOR_GAIN),
+            lambda weights: posterior(factors, weights, known.mean, root, least_squares.PRIOR_GAIN),
         )
         return replace(
             fit,
@@ -273,7 +265,7 @@ class TowardPublished(Estimator):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BayesianRegression(Estimator):
+class BayesianRegression(least_squares.Estimator):
     """Gaussian prior on inertial parameters, Gaussian likelihood, both exact.
 
     The prior's covariance is the inverse of the pseudo-inertia metric at the published values, see
@@ -284,10 +276,10 @@ class BayesianRegression(Estimator):
 
     name: ClassVar[str] = "bayes"
 
-    def fit(self, problem: IdentificationProblem) -> Fit:
+    def fit(self, problem: IdentificationProblem) -> least_squares.Fit:
         """See `Estimator`."""
         model = problem.base.model
-        plain = WeightedLeastSquares(prior_gain=1.0).fit(problem)
+        plain = least_squares.WeightedLeastSquares(prior_gain=1.0).fit(problem)
         completed = inertial_prior(model.robot, model.frames).completed
         relative = COMPLETED if completed else RELATIVE
         honest = np.diag(hac_covariance(plain, problem)) / np.diag(naive_covariance(plain))
@@ -301,7 +293,7 @@ class BayesianRegression(Estimator):
             plain,
             values=values,
             weights=tempered,
-            noise=residual_noise(factors, values, problem),
+            noise=least_squares.residual_noise(factors, values, problem),
             information=information,
             prior_precision=root.T @ root,
             choices=(
@@ -323,4 +315,4 @@ def posterior(
     size = factors.shape[1]
     padded = np.vstack([prior, np.zeros((size - len(prior), size))])
     stacked = np.concatenate([factors, padded[None]])
-    return solve(stacked, np.append(weights, 1.0), prior_gain)
+    return least_squares.solve(stacked, np.append(weights, 1.0), prior_gain)

@@ -346,10 +346,7 @@ def read_estimate(path: Path | str) -> Estimate:
     try:
         data = dict(load_object(path).values)
     except InputError as error:
-        step = error.next_step or _MAKE
-        raise InputError(
-            error.what, where=where, value=error.value, limit=error.limit, next_step=step
-        ) from error
+        raise error.changed(where=where, next_step=error.next_step or _MAKE) from error
     if data.get("format") != FORMAT:
         found = data.get("kind") or data.get("format")
         raise InputError("not a dynid estimate", where=where, value=found, next_step=_MAKE)

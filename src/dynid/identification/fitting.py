@@ -7,21 +7,11 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, Indices, Provenance
+from dynid.identification import least_squares, statistics
 from dynid.identification.bayesian import BayesianRegression
 from dynid.identification.diagnostics import diagnose
 from dynid.identification.estimate import Estimate, MotionRange, StandardParameters
 from dynid.identification.instrumental import InstrumentalVariables, OutputError
-from dynid.identification.least_squares import (
-    Estimator,
-    Fit,
-    HuberRegression,
-    OrdinaryLeastSquares,
-    RecursiveLeastSquares,
-    StandardFit,
-    TotalLeastSquares,
-    WeightedLeastSquares,
-    autocorrelation,
-)
 from dynid.identification.likelihood import MaximumLikelihood
 from dynid.identification.physical import PhysicallyConsistent
 from dynid.identification.problem import (
@@ -35,38 +25,29 @@ from dynid.identification.problem import (
 )
 from dynid.identification.selection.assessment import LeftOutCells, assess
 from dynid.identification.selection.regions import BLOCKS, find_regions
-from dynid.identification.statistics import (
-    MODEL_CORRELATION,
-    ar_covariance,
-    correlation_lag,
-    essential_parameters,
-    hac_covariance,
-    naive_covariance,
-    sandwich,
-)
 from dynid.identification.sums import PassPlan, RowSums, no_sums
 from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.signals import ProcessingSettings, Samples, uniform_signals
 
-_MAKERS: dict[str, Callable[[float | None], Estimator]] = {
-    "ols": lambda _: OrdinaryLeastSquares(),
-    "wls": lambda gain: WeightedLeastSquares(prior_gain=gain),
-    "irls": lambda gain: HuberRegression(prior_gain=gain),
-    "tls": lambda _: TotalLeastSquares(),
+_MAKERS: dict[str, Callable[[float | None], least_squares.Estimator]] = {
+    "ols": lambda _: least_squares.OrdinaryLeastSquares(),
+    "wls": lambda gain: least_squares.WeightedLeastSquares(prior_gain=gain),
+    "irls": lambda gain: least_squares.HuberRegression(prior_gain=gain),
+    "tls": lambda _: least_squares.TotalLeastSquares(),
     "iv": lambda gain: InstrumentalVariables(prior_gain=gain),
     "ml": lambda gain: MaximumLikelihood(prior_gain=gain),
     "didim": lambda gain: OutputError(prior_gain=gain),
     "sdp": lambda gain: PhysicallyConsistent(prior_gain=gain),
     "bayes": lambda _: BayesianRegression(),
-    "rls": lambda _: RecursiveLeastSquares(),
+    "rls": lambda _: least_squares.RecursiveLeastSquares(),
 }
 ESTIMATORS = tuple(_MAKERS)
 """The words of `--estimator`."""
 
 
-def estimator_of(word: str, prior_gain: float | None = None) -> Estimator:
+def estimator_of(word: str, prior_gain: float | None = None) -> least_squares.Estimator:
     """The estimator of a word of `ESTIMATORS`; see `WeightedLeastSquares` for the gain."""
     return _MAKERS[word](prior_gain)
 
@@ -108,7 +89,7 @@ class AllRows:
         blocks, keys = self.sums.blocks()
         return LeftOutCells(blocks=blocks, keys=keys, parts=self.parts)
 
-    def covariance(self, fit: Fit) -> Array:
+    def covariance(self, fit: least_squares.Fit) -> Array:
         """(r, r) covariance of a fit to all rows.
 
         The scores are those of the part's fit, so its weights stand in the bread as well.
@@ -120,14 +101,14 @@ class AllRows:
         matrix = np.tensordot(np.square(plan.weights), products, axes=1) + prior
         scale = np.sqrt(np.diag(matrix))
         bread = np.linalg.inv(matrix / np.outer(scale, scale)) / np.outer(scale, scale)
-        floor = np.maximum(np.diag(naive_covariance(fit)), self.floor / self.sums.rows)
-        return sandwich(fit, bread, self.sums.long_run, self.sums.rows, plan.lag, floor)
+        floor = np.maximum(np.diag(statistics.naive_covariance(fit)), self.floor / self.sums.rows)
+        return statistics.sandwich(fit, bread, self.sums.long_run, self.sums.rows, plan.lag, floor)
 
 
 def plan_pass(
     model: InverseDynamicModel,
     samples: Samples,
-    estimator: Estimator,
+    estimator: least_squares.Estimator,
     rows: int,
     recordings: Indices | None = None,
 ) -> AllRows:
@@ -145,8 +126,8 @@ def plan_pass(
     fit = estimator.fit(problem)
     residual = problem.residual(fit.values)
     floor = np.zeros(base.rank)
-    if autocorrelation(residual, 1).max() > MODEL_CORRELATION:
-        floor = np.diag(ar_covariance(fit, problem, residual)) * problem.blocks
+    if least_squares.autocorrelation(residual, 1).max() > statistics.MODEL_CORRELATION:
+        floor = np.diag(statistics.ar_covariance(fit, problem, residual)) * problem.blocks
     used = samples.rows
     every = slice(used.start, used.start + problem.blocks * samples.block, samples.block)
     if recordings is None:
@@ -159,7 +140,7 @@ def plan_pass(
         base=base,
         values=fit.values,
         weights=fit.weights,
-        lag=correlation_lag(residual, problem.rate_hz, rows),
+        lag=statistics.correlation_lag(residual, problem.rate_hz, rows),
         regions=regions,
         stretches=BLOCKS,
         factors=bool(np.linalg.cond(columns) > COARSEST),
@@ -174,7 +155,7 @@ PRIOR_SPEAKS = 0.25
 def fit_estimate(
     model: InverseDynamicModel,
     samples: Samples,
-    estimator: Estimator,
+    estimator: least_squares.Estimator,
     *,
     records: Sequence[ExperimentRecord],
     settings: ProcessingSettings,
@@ -213,8 +194,8 @@ def fit_estimate(
         problem, cells, sums = everything.problem(part), everything.cells, everything.sums
     fit = estimator.fit(problem)
     if everything is None:
-        covariance = hac_covariance(fit, problem)
-        rho = autocorrelation(problem.residual(fit.values), 1)
+        covariance = statistics.hac_covariance(fit, problem)
+        rho = least_squares.autocorrelation(problem.residual(fit.values), 1)
     else:
         covariance, rho = everything.covariance(fit), everything.autocorrelation
     standard = None
@@ -226,7 +207,7 @@ def fit_estimate(
         records,
         settings,
         covariance=covariance,
-        naive_std=np.sqrt(np.diag(naive_covariance(fit))),
+        naive_std=np.sqrt(np.diag(statistics.naive_covariance(fit))),
         estimator=estimator.name,
         preset=preset,
         motion=_motion_range(samples, sums),
@@ -247,7 +228,7 @@ def fit_estimate(
 
 def judged(
     problem: IdentificationProblem,
-    fit: Fit,
+    fit: least_squares.Fit,
     records: Sequence[ExperimentRecord],
     settings: ProcessingSettings,
     **known: Any,
@@ -273,14 +254,14 @@ def judged(
         ),
         samples=problem.blocks,
         settings=replace(settings, cutoff_hz=problem.samples.cutoff_hz),
-        essential=essential_parameters(fit),
+        essential=statistics.essential_parameters(fit),
         **known,
     )
     return replace(estimate, warnings=diagnose(estimate, problem.samples))
 
 
 def _standard(
-    found: StandardFit, covariance: Array, mapping: Array
+    found: least_squares.StandardFit, covariance: Array, mapping: Array
 ) -> tuple[StandardParameters, Array]:
     """Standard parameters, and the covariance (r, r) of their base parameters.
 

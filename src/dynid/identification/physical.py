@@ -9,13 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynid.core import Array, inverse_upper, upper_triangle
-from dynid.identification.bayesian import (
-    InertialPrior,
-    deviations,
-    inertial_prior,
-    metric_moves,
-    symbol_of,
-)
+from dynid.identification import bayesian, least_squares
 from dynid.identification.consistent import (
     ConsistentProblem,
     ConsistentSolution,
@@ -24,13 +18,6 @@ from dynid.identification.consistent import (
     solve_conic,
 )
 from dynid.identification.estimate import Estimate, StandardParameters
-from dynid.identification.least_squares import (
-    Estimator,
-    Fit,
-    StandardFit,
-    WeightedLeastSquares,
-    residual_noise,
-)
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
 from dynid.reduction import BaseParametrization
 from dynid.robot import to_pseudo_inertia
@@ -52,15 +39,17 @@ def standard_posterior(estimate: Estimate, base: BaseParametrization) -> Standar
         return estimate.standard
     model = estimate.model
     inertial = 10 * model.robot.joints
-    known = inertial_prior(model.robot, model.frames)
+    known = bayesian.inertial_prior(model.robot, model.frames)
     spread = np.zeros((len(model.columns), len(model.columns)))
-    spread[:inertial, :inertial] = deviations(model.robot, model.frames)
+    spread[:inertial, :inertial] = bayesian.deviations(model.robot, model.frames)
     sizes: dict[str, float] = {}
     for name, value in zip(estimate.names, np.abs(estimate.values), strict=True):
-        sizes[symbol_of(name)] = max(float(value), sizes.get(symbol_of(name), 1e-6))
+        sizes[bayesian.symbol_of(name)] = max(
+            float(value), sizes.get(bayesian.symbol_of(name), 1e-6)
+        )
     # Friction and motor inertia have no published value: as wide as the largest of their kind.
     for k, name in enumerate(model.names[inertial:], start=inertial):
-        spread[k, k] = sizes.get(symbol_of(name), max(sizes.values()))
+        spread[k, k] = sizes.get(bayesian.symbol_of(name), max(sizes.values()))
     prior = np.zeros(len(model.columns))
     prior[:inertial] = known.parameters.ravel()
     mapping = base_mapping(base)
@@ -80,7 +69,7 @@ def standard_posterior(estimate: Estimate, base: BaseParametrization) -> Standar
 
 def standard_fit(
     problem: ConsistentProblem, gamma: float, solution: ConsistentSolution, root: Array, off: Array
-) -> StandardFit:
+) -> least_squares.StandardFit:
     """What data and prior each say about a solution, from its first-order response.
 
     The prior's share of a parameter is how far it moves when the prior's bodies move at random by
@@ -92,8 +81,8 @@ def standard_fit(
     """
     values, inertial = solution.values, 10 * problem.links
     turn = np.eye(len(values))
-    turn[:inertial, :inertial] = metric_moves(problem.pseudo_inertias(values))
-    known = metric_moves(to_pseudo_inertia(problem.prior))
+    turn[:inertial, :inertial] = bayesian.metric_moves(problem.pseudo_inertias(values))
+    known = bayesian.metric_moves(to_pseudo_inertia(problem.prior))
     slack = np.maximum(problem.constraints @ values - problem.floor, 1e-12)
     stiff = np.sqrt(solution.multipliers / slack)
     rows = np.vstack(
@@ -116,7 +105,7 @@ def standard_fit(
     held = solution.multipliers > slack
     bodies = np.abs(problem.constraints[held][:, :inertial]) > 0
     share[:inertial][bodies.any(axis=0)] = 1.0
-    return StandardFit(
+    return least_squares.StandardFit(
         values=values,
         gain=half @ (half.T @ (problem.matrix.T @ root)),
         pulled=shift @ np.linalg.solve(known, off),
@@ -134,7 +123,7 @@ POWER_DIGITS = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
-class PhysicallyConsistent(Estimator):
+class PhysicallyConsistent(least_squares.Estimator):
     """Weighted least squares over consistent bodies with a log-det prior on CAD values.
 
     On the QR-reduced problem (Sousa and Cortesao 2014) with the pseudo-inertia of every link
@@ -150,11 +139,11 @@ class PhysicallyConsistent(Estimator):
     by_regions: bool = False
     """Choose the weight on regions of the motion left out instead, see `held_out_weight`."""
 
-    def fit(self, problem: IdentificationProblem) -> Fit:
+    def fit(self, problem: IdentificationProblem) -> least_squares.Fit:
         """See `Estimator`."""
-        plain = WeightedLeastSquares(prior_gain=self.prior_gain).fit(problem)
+        plain = least_squares.WeightedLeastSquares(prior_gain=self.prior_gain).fit(problem)
         model = problem.base.model
-        prior = inertial_prior(model.robot, model.frames)
+        prior = bayesian.inertial_prior(model.robot, model.frames)
         factors = joint_factors(problem)
         least = residual_sum(factors, plain.weights, plain.values)
         # In units of the plain residual sum, weights of the prior mean the same on all records.
@@ -171,13 +160,13 @@ class PhysicallyConsistent(Estimator):
         return replace(
             plain,
             values=values,
-            noise=residual_noise(factors, values, problem),
+            noise=least_squares.residual_noise(factors, values, problem),
             standard=standard_fit(
                 consistent,
                 gamma,
                 solution,
                 consistent.matrix[:, list(problem.base.independent)],
-                deviations(model.robot, model.frames),
+                bayesian.deviations(model.robot, model.frames),
             ),
             choices=(*words, *_words(consistent, solution, gamma, model.names, prior)),
         )
@@ -222,7 +211,7 @@ def _words(
     solution: ConsistentSolution,
     gamma: float,
     names: tuple[str, ...],
-    prior: InertialPrior,
+    prior: bayesian.InertialPrior,
 ) -> tuple[str, ...]:
     """What was chosen and what it cost."""
     excess = problem.misfit(solution.values) - 1.0

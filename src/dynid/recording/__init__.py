@@ -1,82 +1,41 @@
 """Recordings: every format in, one checked and repaired value out, and the file that keeps it."""
 
-from dynid.recording.columns import parse_columns
-from dynid.recording.formats import content_kind
-from dynid.recording.headers import match_headers
-from dynid.recording.messages import MessageDecoder, MessageError
-from dynid.recording.names import parse_name, says_degrees
-from dynid.recording.reading import (
-    AnyRecordLike,
-    RecordLike,
-    as_list,
-    open_any,
-    open_record,
-    open_several,
-    read_record,
-    read_recording,
-    remembered_robot,
-)
-from dynid.recording.record import JOINT_QUANTITIES, ExperimentRecord, RecordMetadata, identity
-from dynid.recording.repair.pipeline import (
-    RepairSettings,
-    at_limit,
-    check_channels,
-    checked_records,
-    repair,
-)
-from dynid.recording.store import partial_path, recover, write_record
-from dynid.recording.stored import (
-    LONG,
-    AnyRecording,
-    StoredRecording,
-    fingerprint,
-    is_url,
-    local_files,
-    objects_below,
-    open_stored,
-)
-from dynid.recording.table import RawTable
-from dynid.recording.units import factor_of
-from dynid.recording.writer import RecordWriter
-
-__all__ = [
-    "JOINT_QUANTITIES",
-    "LONG",
-    "AnyRecordLike",
-    "AnyRecording",
-    "ExperimentRecord",
-    "MessageDecoder",
-    "MessageError",
-    "RawTable",
-    "RecordLike",
-    "RecordMetadata",
-    "RecordWriter",
-    "RepairSettings",
-    "StoredRecording",
-    "as_list",
-    "at_limit",
-    "check_channels",
-    "checked_records",
-    "content_kind",
-    "factor_of",
-    "fingerprint",
-    "identity",
-    "is_url",
-    "local_files",
-    "match_headers",
-    "objects_below",
-    "open_any",
-    "open_record",
-    "open_several",
-    "open_stored",
-    "parse_columns",
-    "parse_name",
-    "partial_path",
-    "read_record",
-    "read_recording",
-    "recover",
-    "remembered_robot",
-    "repair",
-    "says_degrees",
-    "write_record",
-]
+from dynid.recording.columns import parse_columns as parse_columns
+from dynid.recording.formats import content_kind as content_kind
+from dynid.recording.headers import match_headers as match_headers
+from dynid.recording.messages import MessageDecoder as MessageDecoder
+from dynid.recording.messages import MessageError as MessageError
+from dynid.recording.names import parse_name as parse_name
+from dynid.recording.names import says_degrees as says_degrees
+from dynid.recording.reading import AnyRecordLike as AnyRecordLike
+from dynid.recording.reading import RecordLike as RecordLike
+from dynid.recording.reading import as_list as as_list
+from dynid.recording.reading import open_any as open_any
+from dynid.recording.reading import open_record as open_record
+from dynid.recording.reading import open_several as open_several
+from dynid.recording.reading import read_record as read_record
+from dynid.recording.reading import read_recording as read_recording
+from dynid.recording.reading import remembered_robot as remembered_robot
+from dynid.recording.record import JOINT_QUANTITIES as JOINT_QUANTITIES
+from dynid.recording.record import ExperimentRecord as ExperimentRecord
+from dynid.recording.record import RecordMetadata as RecordMetadata
+from dynid.recording.record import identity as identity
+from dynid.recording.repair.pipeline import RepairSettings as RepairSettings
+from dynid.recording.repair.pipeline import at_limit as at_limit
+from dynid.recording.repair.pipeline import check_channels as check_channels
+from dynid.recording.repair.pipeline import checked_records as checked_records
+from dynid.recording.repair.pipeline import repair as repair
+from dynid.recording.store import partial_path as partial_path
+from dynid.recording.store import recover as recover
+from dynid.recording.store import write_record as write_record
+from dynid.recording.stored import LONG as LONG
+from dynid.recording.stored import AnyRecording as AnyRecording
+from dynid.recording.stored import StoredRecording as StoredRecording
+from dynid.recording.stored import fingerprint as fingerprint
+from dynid.recording.stored import is_url as is_url
+from dynid.recording.stored import local_files as local_files
+from dynid.recording.stored import objects_below as objects_below
+from dynid.recording.stored import open_stored as open_stored
+from dynid.recording.table import RawTable as RawTable
+from dynid.recording.units import factor_of as factor_of
+from dynid.recording.writer import RecordWriter as RecordWriter

@@ -292,7 +292,7 @@ def _cut_chunk(data: bytes, library: Any) -> Iterator[Any]:
     return iter(library.StreamReader(io.BytesIO(plain), skip_magic=True).records)
 
 
-MAGIC = b"#ROSBAG V2.0\n"
+ROS1_MAGIC = b"#ROSBAG V2.0\n"
 _MESSAGE, _CHUNK, _CONNECTION = 0x02, 0x05, 0x07
 _BAG_HEADER = b"\x03"
 
@@ -328,7 +328,7 @@ def ros1_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
     try:
         with path.open("rb") as stream:
             size = path.stat().st_size
-            stream.seek(len(MAGIC))
+            stream.seek(len(ROS1_MAGIC))
             yield from _records(stream, size, state)
     except OSError as error:
         raise unreadable(path, error) from error

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any, TypeVar
+from typing import Any
 
 from dynid.core import DynidError, InputError, MissingExtraError, RecordError, require
 
@@ -176,16 +176,6 @@ def refused(
         raise kind(what, where=where, value=said(error), next_step=next_step) from error
 
 
-FACTS = ("what", "where", "value", "limit", "next_step")
-"""What an error tells."""
-One = TypeVar("One", bound=DynidError)
-
-
-def changed(error: One, **facts: Any) -> One:
-    """The same error with some of its facts changed."""
-    return type(error)(**{name: getattr(error, name) for name in FACTS} | facts)
-
-
 @contextmanager
 def located(where: str) -> Generator[None]:
     """The place of those errors raised inside that name none: the file that is read."""
@@ -193,7 +183,7 @@ def located(where: str) -> Generator[None]:
         yield
     except DynidError as error:
         if error.where is None:
-            raise changed(error, where=where) from error
+            raise error.changed(where=where) from error
         raise
 
 

@@ -32,7 +32,7 @@ from dynid.core import (
     RecordError,
     finding_from_json,
 )
-from dynid.recording.content import FACTS, Budget
+from dynid.recording.content import Budget
 from dynid.recording.record import ExperimentRecord, metadata_from_json, metadata_to_json
 from dynid.recording.table import RawTable, ReadOptions
 
@@ -210,9 +210,8 @@ def _limit(budget: Budget) -> None:
 
 
 def _refuse(error: DynidError, answers: IO[bytes]) -> None:
-    facts = ((name, getattr(error, name)) for name in FACTS)
     # Values of other types are shown as they would be in the message.
-    shown = {k: v if v is None or isinstance(v, str) else repr(v) for k, v in facts}
+    shown = {k: v if v is None or isinstance(v, str) else repr(v) for k, v in error.facts.items()}
     kind = next(name for name in (type(error).__name__, "RecordError") if name in _ERRORS)
     answers.write(json.dumps({"error": kind, **shown}).encode() + b"\n")
     answers.flush()

@@ -10,15 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynid.core import Array, RecordError, printable
-from dynid.recording.bagfiles import MAGIC as ROS1_MAGIC
-from dynid.recording.bagfiles import (
-    MCAP_MAGIC,
-    Catalog,
-    Message,
-    db3_messages,
-    mcap_messages,
-    ros1_messages,
-)
+from dynid.recording import bagfiles
 from dynid.recording.content import Budget
 from dynid.recording.messages import (
     MessageDecoder,
@@ -150,7 +142,7 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
         MissingExtraError: Without the `ros` extra.
     """
     joints, columns, topic = options.joints, options.columns, options.topic
-    catalog = Catalog()
+    catalog = bagfiles.Catalog()
     topics: dict[str, _Collector] = {}
     for name, receive, data in _messages(paths, catalog):
         if name not in topics:
@@ -234,17 +226,17 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     )
 
 
-def _messages(paths: Sequence[Path], catalog: Catalog) -> Iterator[Message]:
+def _messages(paths: Sequence[Path], catalog: bagfiles.Catalog) -> Iterator[bagfiles.Message]:
     """The messages that a catalog wants, of all files of a bag."""
     for path in paths:
         with path.open("rb") as stream:
             head = stream.read(16)
-        if head.startswith(MCAP_MAGIC):
-            yield from mcap_messages(path, catalog)
-        elif head.startswith(ROS1_MAGIC):
-            yield from ros1_messages(path, catalog)
+        if head.startswith(bagfiles.MCAP_MAGIC):
+            yield from bagfiles.mcap_messages(path, catalog)
+        elif head.startswith(bagfiles.ROS1_MAGIC):
+            yield from bagfiles.ros1_messages(path, catalog)
         else:
-            yield from db3_messages(path, catalog)
+            yield from bagfiles.db3_messages(path, catalog)
 
 
 def bag_files(folder: Path) -> list[Path]:

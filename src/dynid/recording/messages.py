@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from dynid.core import Array, RecordError, printable, require
 from dynid.recording.bagfiles import Catalog, Message, Topic
 from dynid.recording.columns import assign
-from dynid.recording.content import ZSTD_MAGIC, changed, inflate
+from dynid.recording.content import ZSTD_MAGIC, inflate
 from dynid.recording.headers import NotRecognised, match_headers
 from dynid.recording.table import TORQUE_SOURCES, RawTable, ReadOptions
 
@@ -344,7 +344,7 @@ def _of_topic(topic: Topic) -> Generator[None]:
     try:
         yield
     except RecordError as error:
-        raise changed(error, what=f"topic {printable(topic.name)}: {error.what}") from error
+        raise error.changed(what=f"topic {printable(topic.name)}: {error.what}") from error
 
 
 def _choose(

@@ -14,7 +14,7 @@ from typing import TypeVar, cast
 from dynid.core import InputError, RecordError, file_hash, like_named
 from dynid.recording.arrayfiles import read_frame, read_hdf5, read_json, read_npz
 from dynid.recording.columns import parse_columns
-from dynid.recording.content import Budget, changed, located, unreadable
+from dynid.recording.content import Budget, located, unreadable
 from dynid.recording.csv import are_one_run, read_csv
 from dynid.recording.formats import FORMATS, content_kind, unpacked
 from dynid.recording.isolation import read_isolated, serve
@@ -328,7 +328,7 @@ def open_record(
                 raise
             command = f"dynid import {shlex.quote(str(record))} --robot ROBOT -o RECORD.parquet"
             step = f"{error.next_step} (Options for reading a file: {command})"
-            raise changed(error, next_step=step) from error
+            raise error.changed(next_step=step) from error
     if gains is None:
         return found
     return replace(found, metadata=with_gains(found.metadata, robot.joints, gains))

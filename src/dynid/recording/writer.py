@@ -17,17 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, Finding, InputError, JobError, RecordError, free_name, require_absent
+from dynid.recording import store
 from dynid.recording.content import said
 from dynid.recording.record import RecordMetadata, check_quantities, metadata_to_json
-from dynid.recording.store import (
-    MARK,
-    create_partial,
-    pack,
-    partial_path,
-    read_partial,
-    recover,
-    write_record,
-)
 
 _FLUSH_S = 0.5
 _FLUSH_ROWS = 4096
@@ -73,7 +65,7 @@ class RecordWriter:
         expected_samples: int | None = None,
     ) -> None:
         self.path = Path(path)
-        self.record_path: Path = partial_path(self.path)
+        self.record_path: Path = store.partial_path(self.path)
         """Where the rows are: the partial file, and the recording once it is closed."""
         self._force = force
         self._aborted = False
@@ -100,10 +92,10 @@ class RecordWriter:
             "channels": list(self._channels),
             "metadata": metadata_to_json(metadata),
         }
-        self._partial = partial_path(self.path)
-        self._file: int | None = create_partial(self._partial)
+        self._partial = store.partial_path(self.path)
+        self._file: int | None = store.create_partial(self._partial)
         self._disk = ThreadPoolExecutor(1, thread_name_prefix="dynid-record")
-        self._write(MARK + pack(b"H", json.dumps(description).encode()))
+        self._write(store.MARK + store.pack(b"H", json.dumps(description).encode()))
 
     @property
     def samples(self) -> int:
@@ -173,7 +165,7 @@ class RecordWriter:
             JobError: The disk refuses it.
         """
         self._aborted = self._aborted or problem.kind == "aborted"
-        self._write(pack(b"N", json.dumps(problem.to_json()).encode()))
+        self._write(store.pack(b"N", json.dumps(problem.to_json()).encode()))
 
     def flush(self) -> None:
         """Hand all rows to the operating system now, and to the disk soon.
@@ -184,7 +176,7 @@ class RecordWriter:
         self._flushed = time.monotonic()
         if self._buffer:
             rows, self._buffer = self._buffer, []
-            self._write(pack(b"R", np.stack(rows).astype("<f8").tobytes()))
+            self._write(store.pack(b"R", np.stack(rows).astype("<f8").tobytes()))
             self._saved += len(rows)
         if self._file is not None and (self._sync is None or self._sync.done()):
             self._raise_sync()
@@ -206,12 +198,12 @@ class RecordWriter:
             os.close(self._file)
             self._file = None
         self._raise_sync()
-        record = recover(self._partial, finished=True)
+        record = store.recover(self._partial, finished=True)
         stands = self.path.exists() and (self._aborted or not self._force)
         why = "aborted" if self._aborted else "new"
         beside = free_name(self.path, f"{self.path.stem}.{why}-", self.path.suffix)
         target = beside if stands else self.path
-        write_record(record, target)
+        store.write_record(record, target)
         self._partial.unlink(missing_ok=True)
         self.record_path, self._saved = target, record.samples
 
@@ -262,7 +254,7 @@ class RecordWriter:
             f"the recording cannot be written; {self._saved} samples are on the disk",
             where=str(self._partial),
             value=why,
-            next_step=read_partial(self._partial),
+            next_step=store.read_partial(self._partial),
         )
 
 

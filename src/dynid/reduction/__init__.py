@@ -1,17 +1,7 @@
 """From standard to base parameters: rank, regrouping, classes, non-zero columns."""
 
-from dynid.reduction.base import (
-    BaseParametrization,
-    GramLayout,
-    gram_layout,
-    random_states,
-    reduce_model,
-)
-
-__all__ = [
-    "BaseParametrization",
-    "GramLayout",
-    "gram_layout",
-    "random_states",
-    "reduce_model",
-]
+from dynid.reduction.base import BaseParametrization as BaseParametrization
+from dynid.reduction.base import GramLayout as GramLayout
+from dynid.reduction.base import gram_layout as gram_layout
+from dynid.reduction.base import random_states as random_states
+from dynid.reduction.base import reduce_model as reduce_model

@@ -1,24 +1,12 @@
 """One self-contained page that says what was found, whether to trust it, and what to do next."""
 
-from dynid.report.contents import (
-    Events,
-    JudgedMotion,
-    KnownTruth,
-    ReportContents,
-    ReportedDesign,
-    ReportedEstimate,
-)
-from dynid.report.page import render, write_figures, write_fleet_page, write_report
-
-__all__ = [
-    "Events",
-    "JudgedMotion",
-    "KnownTruth",
-    "ReportContents",
-    "ReportedDesign",
-    "ReportedEstimate",
-    "render",
-    "write_figures",
-    "write_fleet_page",
-    "write_report",
-]
+from dynid.report.contents import Events as Events
+from dynid.report.contents import JudgedMotion as JudgedMotion
+from dynid.report.contents import KnownTruth as KnownTruth
+from dynid.report.contents import ReportContents as ReportContents
+from dynid.report.contents import ReportedDesign as ReportedDesign
+from dynid.report.contents import ReportedEstimate as ReportedEstimate
+from dynid.report.page import render as render
+from dynid.report.page import write_figures as write_figures
+from dynid.report.page import write_fleet_page as write_fleet_page
+from dynid.report.page import write_report as write_report

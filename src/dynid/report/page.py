@@ -13,19 +13,9 @@ import numpy as np
 from dynid import figures as draw
 from dynid.core import Array, InputError, make_folder, require, require_absent, write_text
 from dynid.identification import CONFIDENCE, JointState, Trend
-from dynid.report import screens
+from dynid.report import figures, screens
 from dynid.report.appendix import chapters
 from dynid.report.contents import ReportContents, ReportedEstimate, joint_labels
-from dynid.report.figures import (
-    TIME,
-    friction_figure,
-    links_figure,
-    models_figure,
-    time_axis,
-    torque_figure,
-    torque_panels,
-    worst_first,
-)
 
 DAY_S, PLOT_HEIGHT = 86400.0, 90.0
 STYLE = """body{font:15px/1.5 var(--font);margin:0 auto;max-width:1120px;padding:16px;
@@ -145,7 +135,12 @@ def _level(trend: Trend, days: Array, stepped: bool) -> tuple[Array, Array]:
 def _report_figures(contents: ReportContents) -> tuple[draw.Figure, ...]:
     """All figures of a report, those that decide first."""
     item = contents.estimates[0]
-    drawn = (torque_figure(item), friction_figure(item), links_figure(item), models_figure(item))
+    drawn = (
+        figures.torque_figure(item),
+        figures.friction_figure(item),
+        figures.links_figure(item),
+        figures.models_figure(item),
+    )
     more = (figure for chapter in chapters(contents) for figure in chapter.figures)
     return (*(figure for figure in drawn if figure is not None), *more)
 
@@ -204,14 +199,14 @@ def render(contents: ReportContents) -> str:
         item=item,
         screens=screens,
         torque=_torque(item),
-        friction=friction_figure(item),
-        links=links_figure(item),
-        models=models_figure(item),
+        friction=figures.friction_figure(item),
+        links=figures.links_figure(item),
+        models=figures.models_figure(item),
         chapters=list(chapters(contents)),
         style=_markup(draw.style() + _asset("page.css")),
         script=_markup(draw.script() + _asset("page.js")),
         version=version("dynid"),
-        link=TIME,
+        link=figures.TIME,
     )
     return page
 
@@ -238,17 +233,17 @@ def _torque(item: ReportedEstimate) -> dict[str, Any] | None:
     if result is None:
         return None
     robot = item.estimate.model.robot
-    names, axis = joint_labels(robot.joint_names), time_axis(result)
-    order = worst_first(result)
-    panels = [torque_panels(item, result, j) for j in order]
+    names, axis = joint_labels(robot.joint_names), figures.time_axis(result)
+    order = figures.worst_first(result)
+    panels = [figures.torque_panels(item, result, j) for j in order]
     rows = [
         {
             "name": names[j],
             "percent": float(result.moving.relative_error_percent[j]),
             "rms": float(result.moving.rmse[j]),
             "unit": main.y.label.strip("[]"),
-            "main": _markup(draw.plot(main, axis, ticks=False, link=TIME)),
-            "strip": _markup(draw.plot(strip, axis, ticks=j == order[-1], link=TIME)),
+            "main": _markup(draw.plot(main, axis, ticks=False, link=figures.TIME)),
+            "strip": _markup(draw.plot(strip, axis, ticks=j == order[-1], link=figures.TIME)),
         }
         for j, (main, strip) in zip(order, panels, strict=True)
     ]
@@ -258,7 +253,7 @@ def _torque(item: ReportedEstimate) -> dict[str, Any] | None:
             draw.key(draw.legend([mark for pair in panels for p in pair for mark in p.marks]))
         ),
         "first_main": rows[0]["main"],
-        "first_strip": _markup(draw.plot(panels[0][1], axis, link=TIME)),
+        "first_strip": _markup(draw.plot(panels[0][1], axis, link=figures.TIME)),
         "start": axis.low,
         "stop": axis.high,
     }

@@ -3,99 +3,47 @@
 Start with `dynid.robot.load.load_robot`.
 """
 
-from dynid.robot.body import Body, box_points, cylinder_points
-from dynid.robot.dh import robot_from_chain, robot_from_dh
-from dynid.robot.kinematics import (
-    joint_poses,
-    nominal_geometry,
-    structural_gravity,
-    with_mount,
-)
-from dynid.robot.load import (
-    BuiltinRobot,
-    RobotLike,
-    builtin_names,
-    load_robot,
-    robot_from_json,
-    robot_to_json,
-    robots,
-)
-from dynid.robot.model import (
-    Counterbalance,
-    Drives,
-    JointLimits,
-    RobotModel,
-    SafetyLimits,
-    Tool,
-    direct_drives,
-    unknown_limits,
-    with_tool,
-)
-from dynid.robot.transforms import (
-    PARAMETERS,
-    PSEUDO_INERTIA_BASIS,
-    frame_map,
-    from_axes,
-    from_body,
-    from_pinocchio,
-    from_pseudo_inertia,
-    from_xyz_rpy,
-    inverse,
-    is_physical,
-    move,
-    parameter_frames,
-    poses_at_zero,
-    rotation_z,
-    tensor,
-    to_pseudo_inertia,
-    translation,
-)
-from dynid.robot.urdf import robot_from_urdf
-from dynid.robot.urdf_bodies import urdf_shapes
-
-__all__ = [
-    "PARAMETERS",
-    "PSEUDO_INERTIA_BASIS",
-    "Body",
-    "BuiltinRobot",
-    "Counterbalance",
-    "Drives",
-    "JointLimits",
-    "RobotLike",
-    "RobotModel",
-    "SafetyLimits",
-    "Tool",
-    "box_points",
-    "builtin_names",
-    "cylinder_points",
-    "direct_drives",
-    "frame_map",
-    "from_axes",
-    "from_body",
-    "from_pinocchio",
-    "from_pseudo_inertia",
-    "from_xyz_rpy",
-    "inverse",
-    "is_physical",
-    "joint_poses",
-    "load_robot",
-    "move",
-    "nominal_geometry",
-    "parameter_frames",
-    "poses_at_zero",
-    "robot_from_chain",
-    "robot_from_dh",
-    "robot_from_json",
-    "robot_from_urdf",
-    "robot_to_json",
-    "robots",
-    "rotation_z",
-    "structural_gravity",
-    "tensor",
-    "to_pseudo_inertia",
-    "translation",
-    "unknown_limits",
-    "urdf_shapes",
-    "with_mount",
-    "with_tool",
-]
+from dynid.robot.body import Body as Body
+from dynid.robot.body import box_points as box_points
+from dynid.robot.body import cylinder_points as cylinder_points
+from dynid.robot.dh import robot_from_chain as robot_from_chain
+from dynid.robot.dh import robot_from_dh as robot_from_dh
+from dynid.robot.kinematics import joint_poses as joint_poses
+from dynid.robot.kinematics import nominal_geometry as nominal_geometry
+from dynid.robot.kinematics import structural_gravity as structural_gravity
+from dynid.robot.kinematics import with_mount as with_mount
+from dynid.robot.load import BuiltinRobot as BuiltinRobot
+from dynid.robot.load import RobotLike as RobotLike
+from dynid.robot.load import builtin_names as builtin_names
+from dynid.robot.load import load_robot as load_robot
+from dynid.robot.load import robot_from_json as robot_from_json
+from dynid.robot.load import robot_to_json as robot_to_json
+from dynid.robot.load import robots as robots
+from dynid.robot.model import Counterbalance as Counterbalance
+from dynid.robot.model import Drives as Drives
+from dynid.robot.model import JointLimits as JointLimits
+from dynid.robot.model import RobotModel as RobotModel
+from dynid.robot.model import SafetyLimits as SafetyLimits
+from dynid.robot.model import Tool as Tool
+from dynid.robot.model import direct_drives as direct_drives
+from dynid.robot.model import unknown_limits as unknown_limits
+from dynid.robot.model import with_tool as with_tool
+from dynid.robot.transforms import PARAMETERS as PARAMETERS
+from dynid.robot.transforms import PSEUDO_INERTIA_BASIS as PSEUDO_INERTIA_BASIS
+from dynid.robot.transforms import frame_map as frame_map
+from dynid.robot.transforms import from_axes as from_axes
+from dynid.robot.transforms import from_body as from_body
+from dynid.robot.transforms import from_pinocchio as from_pinocchio
+from dynid.robot.transforms import from_pseudo_inertia as from_pseudo_inertia
+from dynid.robot.transforms import from_xyz_rpy as from_xyz_rpy
+from dynid.robot.transforms import inverse as inverse
+from dynid.robot.transforms import is_physical as is_physical
+from dynid.robot.transforms import move as move
+from dynid.robot.transforms import parameter_frames as parameter_frames
+from dynid.robot.transforms import poses_at_zero as poses_at_zero
+from dynid.robot.transforms import rotation_z as rotation_z
+from dynid.robot.transforms import tensor as tensor
+from dynid.robot.transforms import to_pseudo_inertia as to_pseudo_inertia
+from dynid.robot.transforms import translation as translation
+from dynid.robot.urdf import robot_from_urdf as robot_from_urdf
+from dynid.robot.urdf_bodies import urdf_shapes as urdf_shapes

@@ -66,9 +66,7 @@ def located(where: str) -> Generator[None]:
         yield
     except InputError as error:
         inner = f"{where}: {error.where}" if error.where else where
-        raise RobotError(
-            error.what, where=inner, value=error.value, limit=error.limit, next_step=error.next_step
-        ) from error
+        raise RobotError(**error.facts | {"where": inner}) from error
 
 
 _LARGEST = 1e9

@@ -14,17 +14,9 @@ import numpy as np
 from dynid.core import Array, InputError
 from dynid.recording import AnyRecording, ExperimentRecord, StoredRecording
 from dynid.robot import RobotModel
+from dynid.signals import resample
 from dynid.signals.filters import SETTLED
 from dynid.signals.process import MIN_SAMPLES, block_length, delayed, filtered_motion, unsettled
-from dynid.signals.resample import (
-    GAP_STEPS,
-    UNIFORM_WITHIN,
-    UniformSignals,
-    grid_points,
-    onto,
-    require_window,
-    rows_between,
-)
 from dynid.signals.samples import ProcessingSettings, Samples, measured_torque, used_rows
 
 MARK = 4096
@@ -95,16 +87,16 @@ def survey(recording: AnyRecording, settings: ProcessingSettings) -> StreamGrid:
         ahead = np.diff(inside, prepend=before)
         gaps += [
             (float(inside[k - 1]) if k else before, float(inside[k]))
-            for k in np.flatnonzero(ahead > GAP_STEPS * step)
+            for k in np.flatnonzero(ahead > resample.GAP_STEPS * step)
         ]
         before = float(inside[-1])
-    uniform = away <= UNIFORM_WITHIN * step
+    uniform = away <= resample.UNIFORM_WITHIN * step
     grid = StreamGrid(
         first_row=first,
         last_row=last,
         start_s=start,
         step_s=slope if uniform else step,
-        count=count if uniform else grid_points(start, stop, step, count),
+        count=count if uniform else resample.grid_points(start, stop, step, count),
         uniform=uniform,
         marks=np.array(marks),
         gaps=(),
@@ -141,7 +133,7 @@ def _stamps(
         origin = float(t[0]) if row == 0 else origin
         elapsed = t - origin
         marks += t[-row % MARK :: MARK].tolist()
-        a, b = rows_between(elapsed, settings.start_s, settings.stop_s)
+        a, b = resample.rows_between(elapsed, settings.start_s, settings.stop_s)
         first += a
         last += b
         row += len(t)
@@ -150,7 +142,7 @@ def _stamps(
                 steps.append(np.diff(t[a:b], prepend=t[a] if np.isnan(stop) else stop))
             start = float(t[a]) if np.isnan(start) else start
             stop = float(t[b - 1])
-    require_window(last - first, settings.start_s, settings.stop_s, elapsed)
+    resample.require_window(last - first, settings.start_s, settings.stop_s, elapsed)
     # The first stamp has no step before it.
     return marks, np.concatenate(steps)[1:], first, last, start, stop
 
@@ -251,7 +243,7 @@ class LongSignals:
             before += b - a
         return found
 
-    def _signals(self, first: int, last: int) -> UniformSignals:
+    def _signals(self, first: int, last: int) -> resample.UniformSignals:
         """The signals at some points of the grid."""
         low, high = self.grid.rows(first, last)
         part = rows_of(self.recording, low, high, self.settings)
@@ -259,11 +251,11 @@ class LongSignals:
         qd, rate = part.signals.get("qd"), self.grid.rate_hz
         valid = np.ones(last - first)
         if self.grid.uniform:
-            return UniformSignals(
+            return resample.UniformSignals(
                 t=part.t, rate_hz=rate, q=part.signals["q"], qd=qd, torque=torque, valid=valid
             )
         times = self.grid.times(first, last)
-        return onto(times, rate, part.t, part.signals["q"], qd, torque, valid)
+        return resample.onto(times, rate, part.t, part.signals["q"], qd, torque, valid)
 
 
 def rows_of(

@@ -7,13 +7,7 @@ import numpy as np
 from dynid.core import Array, Indices, InputError
 from dynid.recording import ExperimentRecord, RecordLike, open_record
 from dynid.robot import RobotLike, RobotModel, load_robot
-from dynid.signals.filters import (
-    NYQUIST_SHARE,
-    default_cutoff,
-    derivative,
-    fourier_derivative,
-    low_pass,
-)
+from dynid.signals import filters
 from dynid.signals.resample import UniformSignals, fold_periods, linear, resample, window
 from dynid.signals.samples import ProcessingSettings, Samples, measured_torque
 
@@ -72,14 +66,14 @@ def samples_from(
     Trimming leaves out ends where the filter has not settled; a prediction is judged there too.
     """
     rate = signals.rate_hz
-    cutoff = settings.cutoff_hz or default_cutoff(signals.q, rate)
-    cutoff = min(cutoff, NYQUIST_SHARE * rate / 2)
+    cutoff = settings.cutoff_hz or filters.default_cutoff(signals.q, rate)
+    cutoff = min(cutoff, filters.NYQUIST_SHARE * rate / 2)
     folded = settings.period_s is not None
     if settings.period_s is not None:
         signals = fold_periods(signals, settings.period_s)
         # Exact derivatives of one averaged period: a circle has no ends.
-        q, dq = fourier_derivative(signals.q, rate, cutoff)
-        ddq = fourier_derivative(dq, rate, cutoff)[1]
+        q, dq = filters.fourier_derivative(signals.q, rate, cutoff)
+        ddq = filters.fourier_derivative(dq, rate, cutoff)[1]
     else:
         q, dq, ddq = filtered_motion(signals, settings, cutoff)
     torque = delayed(signals.torque, rate, settings.delays_s, circular=folded)
@@ -129,14 +123,14 @@ def filtered_motion(
         InputError: Measured velocities are asked for, and there are none.
     """
     rate = signals.rate_hz
-    q = low_pass(signals.q, rate, cutoff_hz)
+    q = filters.low_pass(signals.q, rate, cutoff_hz)
     if settings.velocity == "measured":
         if signals.qd is None:
             raise InputError("the recording has no velocities qd", value="velocity=measured")
-        dq = low_pass(signals.qd, rate, cutoff_hz)
+        dq = filters.low_pass(signals.qd, rate, cutoff_hz)
     else:
-        dq = derivative(q, rate, settings.derivative, cutoff_hz)
-    return q, dq, derivative(dq, rate, settings.derivative, cutoff_hz)
+        dq = filters.derivative(q, rate, settings.derivative, cutoff_hz)
+    return q, dq, filters.derivative(dq, rate, settings.derivative, cutoff_hz)
 
 
 def unsettled(rate_hz: float, settings: ProcessingSettings, cutoff_hz: float) -> int:

@@ -1,84 +1,41 @@
 """Joint motions as functions of time: Fourier series, polynomials, files."""
 
-from dynid.trajectory.bounds import (
-    Extremes,
-    largest_scale,
-    peaks,
-    random_excitation,
-    usable_bounds,
-)
-from dynid.trajectory.bspline import BSpline, BSplineFamily
-from dynid.trajectory.files import (
-    FAMILY_NAMES,
-    StoredTrajectory,
-    csv_text,
-    joint_trajectory_yaml,
-    motion_family,
-    read_trajectory,
-    sampled,
-    trajectory_from_json,
-    trajectory_to_json,
-    write_trajectory,
-)
-from dynid.trajectory.fourier import (
-    FourierFamily,
-    FourierSeries,
-    ModifiedFourierFamily,
-    harmonic_basis,
-    rest_basis,
-    rest_series,
-)
-from dynid.trajectory.points import (
-    LANGUAGES,
-    MotionSequence,
-    PointsFamily,
-    PointToPoint,
-    Repetition,
-    points_text,
-    through_poses,
-)
-from dynid.trajectory.quintic import FourierQuintic, Quintic, rest_to_rest
-from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory
-from dynid.trajectory.urscript import Piece, pieces, ur_program
-
-__all__ = [
-    "FAMILY_NAMES",
-    "LANGUAGES",
-    "BSpline",
-    "BSplineFamily",
-    "Extremes",
-    "FourierFamily",
-    "FourierQuintic",
-    "FourierSeries",
-    "JointMotion",
-    "ModifiedFourierFamily",
-    "MotionFamily",
-    "MotionSequence",
-    "Piece",
-    "PointToPoint",
-    "PointsFamily",
-    "Quintic",
-    "Repetition",
-    "StoredTrajectory",
-    "Trajectory",
-    "csv_text",
-    "harmonic_basis",
-    "joint_trajectory_yaml",
-    "largest_scale",
-    "motion_family",
-    "peaks",
-    "pieces",
-    "points_text",
-    "random_excitation",
-    "read_trajectory",
-    "rest_basis",
-    "rest_series",
-    "rest_to_rest",
-    "sampled",
-    "through_poses",
-    "trajectory_from_json",
-    "trajectory_to_json",
-    "ur_program",
-    "usable_bounds",
-    "write_trajectory",
-]
+from dynid.trajectory.bounds import Extremes as Extremes
+from dynid.trajectory.bounds import largest_scale as largest_scale
+from dynid.trajectory.bounds import peaks as peaks
+from dynid.trajectory.bounds import random_excitation as random_excitation
+from dynid.trajectory.bounds import usable_bounds as usable_bounds
+from dynid.trajectory.bspline import BSpline as BSpline
+from dynid.trajectory.bspline import BSplineFamily as BSplineFamily
+from dynid.trajectory.files import FAMILY_NAMES as FAMILY_NAMES
+from dynid.trajectory.files import StoredTrajectory as StoredTrajectory
+from dynid.trajectory.files import csv_text as csv_text
+from dynid.trajectory.files import joint_trajectory_yaml as joint_trajectory_yaml
+from dynid.trajectory.files import motion_family as motion_family
+from dynid.trajectory.files import read_trajectory as read_trajectory
+from dynid.trajectory.files import sampled as sampled
+from dynid.trajectory.files import trajectory_from_json as trajectory_from_json
+from dynid.trajectory.files import trajectory_to_json as trajectory_to_json
+from dynid.trajectory.files import write_trajectory as write_trajectory
+from dynid.trajectory.fourier import FourierFamily as FourierFamily
+from dynid.trajectory.fourier import FourierSeries as FourierSeries
+from dynid.trajectory.fourier import ModifiedFourierFamily as ModifiedFourierFamily
+from dynid.trajectory.fourier import harmonic_basis as harmonic_basis
+from dynid.trajectory.fourier import rest_basis as rest_basis
+from dynid.trajectory.fourier import rest_series as rest_series
+from dynid.trajectory.points import LANGUAGES as LANGUAGES
+from dynid.trajectory.points import MotionSequence as MotionSequence
+from dynid.trajectory.points import PointsFamily as PointsFamily
+from dynid.trajectory.points import PointToPoint as PointToPoint
+from dynid.trajectory.points import Repetition as Repetition
+from dynid.trajectory.points import points_text as points_text
+from dynid.trajectory.points import through_poses as through_poses
+from dynid.trajectory.quintic import FourierQuintic as FourierQuintic
+from dynid.trajectory.quintic import Quintic as Quintic
+from dynid.trajectory.quintic import rest_to_rest as rest_to_rest
+from dynid.trajectory.trajectory import JointMotion as JointMotion
+from dynid.trajectory.trajectory import MotionFamily as MotionFamily
+from dynid.trajectory.trajectory import Trajectory as Trajectory
+from dynid.trajectory.urscript import Piece as Piece
+from dynid.trajectory.urscript import pieces as pieces
+from dynid.trajectory.urscript import ur_program as ur_program

@@ -218,9 +218,7 @@ def read_trajectory(path: str | Path) -> StoredTrajectory:
             extra={key: value for key, value in whole.values.items() if key not in own},
         )
     except InputError as error:
-        raise InputError(
-            error.what, where=str(path), value=error.value, limit=error.limit
-        ) from error
+        raise error.changed(where=str(path), next_step=None) from error
 
 
 def _check_size(trajectory: Trajectory) -> None:

@@ -1,30 +1,16 @@
 """How well a model predicts another record."""
 
-from dynid.validation.comparison import CAUSES, ParameterComparison, compare, refit_friction
-from dynid.validation.observer import ContactThresholds, MomentumObserver, contact_thresholds
-from dynid.validation.prediction import (
-    MOVING_SPEED,
-    Metrics,
-    ValidationResult,
-    reproduce,
-    samples_of,
-    validate,
-    validate_samples,
-)
-
-__all__ = [
-    "CAUSES",
-    "MOVING_SPEED",
-    "ContactThresholds",
-    "Metrics",
-    "MomentumObserver",
-    "ParameterComparison",
-    "ValidationResult",
-    "compare",
-    "contact_thresholds",
-    "refit_friction",
-    "reproduce",
-    "samples_of",
-    "validate",
-    "validate_samples",
-]
+from dynid.validation.comparison import CAUSES as CAUSES
+from dynid.validation.comparison import ParameterComparison as ParameterComparison
+from dynid.validation.comparison import compare as compare
+from dynid.validation.comparison import refit_friction as refit_friction
+from dynid.validation.observer import ContactThresholds as ContactThresholds
+from dynid.validation.observer import MomentumObserver as MomentumObserver
+from dynid.validation.observer import contact_thresholds as contact_thresholds
+from dynid.validation.prediction import MOVING_SPEED as MOVING_SPEED
+from dynid.validation.prediction import Metrics as Metrics
+from dynid.validation.prediction import ValidationResult as ValidationResult
+from dynid.validation.prediction import reproduce as reproduce
+from dynid.validation.prediction import samples_of as samples_of
+from dynid.validation.prediction import validate as validate
+from dynid.validation.prediction import validate_samples as validate_samples

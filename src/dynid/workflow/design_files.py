@@ -228,13 +228,8 @@ def read_design(
         )
     except InputError as error:
         step = f"{error.next_step} Or pass --robot." if error.next_step else "Pass --robot."
-        raise InputError(
-            f"the robot of the design: {error.what}",
-            where=str(path),
-            value=error.value,
-            limit=error.limit,
-            next_step=step,
-        ) from error
+        what = f"the robot of the design: {error.what}"
+        raise error.changed(what=what, where=str(path), next_step=step) from error
     if model.joints != stored.trajectory.joints:
         raise InputError(
             "the motion is one of another robot",

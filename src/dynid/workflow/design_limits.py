@@ -92,13 +92,9 @@ class DesignLimits:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """A JSON object."""
-        return _with_lists(asdict(self)) | {"scene_file": self.scene_file or None}
-
-
-def _with_lists(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields as JSON has them: tuples become lists."""
-    return {name: list(x) if isinstance(x, tuple) else x for name, x in fields.items()}  # pyright: ignore[reportUnknownArgumentType]
+        """A JSON object; tuples become lists."""
+        values = asdict(self) | {"scene_file": self.scene_file or None}
+        return {name: list(x) if isinstance(x, tuple) else x for name, x in values.items()}  # pyright: ignore[reportUnknownArgumentType]
 
 
 def given_limits(asked: SceneSettings, base: DesignLimits | None = None) -> DesignLimits:

@@ -38,13 +38,7 @@ from dynid.identification import (
 from dynid.recording import is_url
 from dynid.report import write_fleet_page
 from dynid.settings import FleetSettings
-from dynid.workflow.fleet_files import (
-    COLUMNS,
-    MANIFEST,
-    FleetRecording,
-    base_of,
-    read_folder,
-)
+from dynid.workflow.fleet_files import COLUMNS, MANIFEST, FleetRecording, base_of, read_folder
 
 TABLE, PAGE = "estimates.parquet", "report.html"
 CACHE = "statistics"

@@ -27,11 +27,7 @@ from dynid.core import (
     scipy_part,
     write_arrays,
 )
-from dynid.identification import (
-    IdentificationProblem,
-    RecordStatistics,
-    record_statistics,
-)
+from dynid.identification import IdentificationProblem, RecordStatistics, record_statistics
 from dynid.recording import is_url, local_files, objects_below, open_record
 from dynid.reduction import BaseParametrization, reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms

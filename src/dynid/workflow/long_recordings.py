@@ -34,12 +34,7 @@ from dynid.signals import (
     uniform_signals,
 )
 from dynid.validation import ValidationResult, reproduce
-from dynid.workflow.choosing import (
-    made_from,
-    prepare,
-    require_cutoff,
-    require_torques,
-)
+from dynid.workflow.choosing import made_from, prepare, require_cutoff, require_torques
 
 CHOOSING_ROWS = 90_000
 """Rows that choices are made on: three minutes at 500 Hz."""

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from dynid import drivers, simulation
 from dynid.core import (
     Array,
     DynidError,
@@ -24,15 +25,6 @@ from dynid.core import (
     Progress,
     require_absent,
     write_json,
-)
-from dynid.drivers import (
-    Abort,
-    ControllerState,
-    Driver,
-    ServojDriver,
-    SimulatedDriver,
-    UrDriver,
-    inspect,
 )
 from dynid.experiment import (
     ExperimentPlan,
@@ -53,16 +45,6 @@ from dynid.recording import (
 )
 from dynid.robot import RobotLike, RobotModel, load_robot
 from dynid.settings import RunSettings
-from dynid.simulation import (
-    SERIAL,
-    SimulatedArm,
-    SimulatedRun,
-    Thermal,
-    simulate,
-    simulated_arm,
-    warm_up,
-    with_payload,
-)
 from dynid.workflow.analyze import unit_notes
 from dynid.workflow.design_files import (
     DesignLike,
@@ -84,7 +66,7 @@ def simulate_recording(
     *,
     rate_hz: float = 125.0,
     periods: int = 1,
-    thermal: Thermal = "cold",
+    thermal: simulation.Thermal = "cold",
     seed: int = 0,
 ) -> ExperimentRecord:
     """Run a trajectory on the simulated arm of a robot; MuJoCo moves it, not our regressor.
@@ -105,13 +87,15 @@ def simulate_recording(
     """
     robot, motion = load_robot(robot), open_trajectory(trajectory)
     arm = _equipped_arm(robot)
-    run = simulate(arm, motion, rate_hz=rate_hz, periods=periods, thermal=thermal, seed=seed)
+    run = simulation.simulate(
+        arm, motion, rate_hz=rate_hz, periods=periods, thermal=thermal, seed=seed
+    )
     record = record_of(run)
     told = replace(record.metadata, joint_names=robot.joint_names, drive_gains=arm.made_up_gains)
     return replace(record, metadata=told)
 
 
-def record_of(run: SimulatedRun) -> ExperimentRecord:
+def record_of(run: simulation.SimulatedRun) -> ExperimentRecord:
     """What a recorder would have seen of a simulated run: no truth in it."""
     return ExperimentRecord(
         t=run.t,
@@ -134,7 +118,7 @@ def truth_path(recording: Path) -> Path:
 
 
 def write_truth(
-    recording: Path, arm: SimulatedArm, temperature_degC: Array, **more: object
+    recording: Path, arm: simulation.SimulatedArm, temperature_degC: Array, **more: object
 ) -> None:
     """Write what a simulated arm was made of beside its recording; reports draw it.
 
@@ -185,7 +169,7 @@ class Run:
     """What was executed."""
 
     @property
-    def abort(self) -> Abort | None:
+    def abort(self) -> drivers.Abort | None:
         """Why it ended early; None if it did not."""
         return self.result.outcome.abort
 
@@ -264,7 +248,7 @@ def run_design(
         loaded = load_design(file, asked)
     written = (path, truth_path(path)) if on == SIMULATED else (path,)
     require_absent(*written, force=asked.force)
-    state = None if on == SIMULATED else inspect(_host(on))
+    state = None if on == SIMULATED else drivers.inspect(_host(on))
     plan = ExperimentPlan(
         robot=loaded.robot,
         trajectory=loaded.stored.trajectory,
@@ -288,7 +272,7 @@ def run_design(
             )
         return finished
     plan = _made_ready(plan, state, loaded, asked, confirm)
-    driver = ServojDriver(state) if asked.method == "servoj" else UrDriver(state)
+    driver = drivers.ServojDriver(state) if asked.method == "servoj" else drivers.UrDriver(state)
     return _execute(plan, driver, loaded, asked, path, cancel, progress)
 
 
@@ -308,7 +292,7 @@ def load_design(path: Path, asked: RunSettings) -> StoredDesign:
 
 def _made_ready(
     plan: ExperimentPlan,
-    state: ControllerState,
+    state: drivers.ControllerState,
     loaded: StoredDesign,
     asked: RunSettings,
     confirm: Confirm | None,
@@ -338,7 +322,7 @@ def _made_ready(
         ]
         confirm("\n".join(f"- {line}" for line in lines), state.host)
         # The way was planned from where the robot stood before a person thought it over.
-        away = float(np.abs(inspect(state.host).q - state.q).max())
+        away = float(np.abs(drivers.inspect(state.host).q - state.q).max())
         if away > MOVED:
             raise JobError(
                 "the robot has moved since it was checked",
@@ -359,26 +343,28 @@ def _host(on: str) -> str:
     return host
 
 
-def _equipped_arm(robot: RobotModel) -> SimulatedArm:
-    arm = simulated_arm(robot, serial=SERIAL)
+def _equipped_arm(robot: RobotModel) -> simulation.SimulatedArm:
+    arm = simulation.simulated_arm(robot, serial=simulation.SERIAL)
     if robot.tool.mass > 0:
         # Of its size nothing is said: all of it is where its centre is.
-        arm = with_payload(arm, robot.tool.mass, robot.tool.com, np.zeros((3, 3)))
+        arm = simulation.with_payload(arm, robot.tool.mass, robot.tool.com, np.zeros((3, 3)))
     return arm
 
 
-def _simulated(loaded: StoredDesign, asked: RunSettings) -> SimulatedDriver:
+def _simulated(loaded: StoredDesign, asked: RunSettings) -> drivers.SimulatedDriver:
     arm = _equipped_arm(loaded.robot)
     thermal = asked.thermal
     if asked.warm_up_s > 0:
         # Heat flows far more slowly than the arm moves: no need to simulate every second.
-        thermal = warm_up(arm, loaded.stored.trajectory, asked.warm_up_s, thermal=thermal)
-    return SimulatedDriver(arm, thermal=thermal, seed=asked.seed)
+        thermal = simulation.warm_up(
+            arm, loaded.stored.trajectory, asked.warm_up_s, thermal=thermal
+        )
+    return drivers.SimulatedDriver(arm, thermal=thermal, seed=asked.seed)
 
 
 def _execute(
     plan: ExperimentPlan,
-    driver: Driver,
+    driver: drivers.Driver,
     loaded: StoredDesign,
     asked: RunSettings,
     path: Path,
@@ -442,7 +428,7 @@ def _execute(
     )
 
 
-def _mark_aborted(path: Path, abort: Abort) -> None:
+def _mark_aborted(path: Path, abort: drivers.Abort) -> None:
     """Write the cause of a stop into a recording, as metadata and as a finding."""
     # The disk that refused the rows refuses this too; the rows themselves stay readable.
     with suppress(DynidError):

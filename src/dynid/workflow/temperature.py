@@ -6,15 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from dynid import identification
 from dynid.core import Finding, InputError, Progress, told
-from dynid.identification import (
-    LEAST_SPREAD_K,
-    JointTemperatureLaw,
-    TemperatureModel,
-    base_order,
-    fit_law,
-    friction_places,
-)
 from dynid.recording import RecordLike, open_several
 from dynid.robot import RobotLike, load_robot
 from dynid.settings import IdentifySettings
@@ -23,7 +16,7 @@ from dynid.workflow.shared_inertias import SharedIdentification, identify_shared
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TemperatureIdentification(TemperatureModel):
+class TemperatureIdentification(identification.TemperatureModel):
     """Shared inertias, and friction as a function of joint temperature."""
 
     shared: SharedIdentification
@@ -102,13 +95,13 @@ def identify_temperature(
     shared = identify_shared(several, robot, settings, progress=progress)
     problem, solved = shared.problem, shared.fit
     names, own = shared.own, solved.solution.own
-    columns = friction_places(problem.problems[0].base)
+    columns = identification.friction_places(problem.problems[0].base)
     # Where the friction of a joint stands in the covariance, record by record.
     seen = [
         tuple(k * own.shape[1] + c for k in range(len(own)) for c in joint) for joint in columns
     ]
     laws = tuple(
-        fit_law(
+        identification.fit_law(
             own[:, joint],
             solved.covariance[np.ix_(places, places)],
             mean[:, j],
@@ -124,14 +117,14 @@ def identify_temperature(
         temperature_degC=mean,
         places=tuple(tuple(problem.own[c] for c in joint) for joint in columns),
         seen=tuple(seen),
-        order=tuple(base_order(problem, solved, 0)),
+        order=tuple(identification.base_order(problem, solved, 0)),
         covariance=solved.covariance,
         naive=solved.naive,
         warnings=_findings(laws),
     )
 
 
-def _findings(laws: Sequence[JointTemperatureLaw]) -> tuple[Finding, ...]:
+def _findings(laws: Sequence[identification.JointTemperatureLaw]) -> tuple[Finding, ...]:
     flat = [str(j + 1) for j, law in enumerate(laws) if law.law == "constant"]
     if not flat:
         return ()
@@ -139,6 +132,7 @@ def _findings(laws: Sequence[JointTemperatureLaw]) -> tuple[Finding, ...]:
         Finding(
             "low_excitation",
             f"the temperatures of joints {', '.join(flat)} differ by less than "
-            f"{LEAST_SPREAD_K:g} K between the records: their friction is taken as constant",
+            f"{identification.LEAST_SPREAD_K:g} K between the records: their friction is taken "
+            "as constant",
         ),
     )

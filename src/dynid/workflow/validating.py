@@ -21,13 +21,7 @@ from dynid.recording import (
 )
 from dynid.settings import IdentifySettings
 from dynid.signals import ProcessingSettings, rows_of, survey, window
-from dynid.validation import (
-    MOVING_SPEED,
-    ValidationResult,
-    refit_friction,
-    samples_of,
-    validate,
-)
+from dynid.validation import MOVING_SPEED, ValidationResult, refit_friction, samples_of, validate
 from dynid.workflow.identify import Identification, identify
 from dynid.workflow.recordings import robot_of
 

@@ -10,15 +10,7 @@ from dynid.core import Array, Indices, Mask
 from dynid.identification.bayesian import PublishedPrior, published_prior
 from dynid.identification.least_squares import Fit
 from dynid.identification.problem import IdentificationProblem
-from dynid.identification.selection.gram import (
-    GramBlocks,
-    NormalEquations,
-    Shrinkage,
-    gram_blocks,
-    left_out_values,
-    shared_picks,
-    solutions,
-)
+from dynid.identification.selection import gram
 from dynid.identification.selection.regions import (
     LEVELS,
     SLOWEST,
@@ -116,7 +108,7 @@ def assessment_from_json(data: dict[str, Any]) -> Assessment:
 class LeftOutCells:
     """Products of the rows of a problem by what they are left out with."""
 
-    blocks: GramBlocks
+    blocks: gram.GramBlocks
     """Of all rows: base columns, then the torque."""
     keys: Indices
     """(2, C) the part that `anywhere` leaves out, and the stretch of time, of each cell."""
@@ -148,7 +140,7 @@ def assess(
     blocks, keys, regions = cells.blocks, cells.keys, cells.parts
     count = float(blocks.rows[0].sum())
     known = published_prior(problem.base)
-    prior = Shrinkage(mean=known.mean, precision=known.precision)
+    prior = gram.Shrinkage(mean=known.mean, precision=known.precision)
     strength = max(prior_weight, WEAKEST) * count
     weights = 1.0 / np.maximum(fit.noise, 1e-12)
     fitted = _LeftOut(blocks.merged(keys[0]), weights, prior.times(strength), n)
@@ -176,14 +168,14 @@ class _LeftOut:
     """Fits with one part left out each, and their errors there."""
 
     def __init__(
-        self, blocks: GramBlocks, weights: Array, shrinkage: Shrinkage, joints: int
+        self, blocks: gram.GramBlocks, weights: Array, shrinkage: gram.Shrinkage, joints: int
     ) -> None:
         rank = len(shrinkage.mean)
         self.blocks = blocks
-        self.system = NormalEquations(blocks, shared_picks(rank, joints), weights)
+        self.system = gram.NormalEquations(blocks, gram.shared_picks(rank, joints), weights)
         self.rows = np.maximum(blocks.rows.sum(axis=1), 1.0)
         self.values = (
-            left_out_values(self.system, shrinkage)
+            gram.left_out_values(self.system, shrinkage)
             if blocks.rows.shape[1] > 1
             else self.whole(shrinkage)
         )
@@ -195,10 +187,10 @@ class _LeftOut:
         """(n) RMS error."""
         return np.sqrt(self.errors.sum(axis=1) / self.rows)
 
-    def whole(self, shrinkage: Shrinkage) -> Array:
+    def whole(self, shrinkage: gram.Shrinkage) -> Array:
         """(1, r) fit to all parts."""
         matrix, vector = self.system.matrix, self.system.vector
-        return solutions(matrix.sum(axis=0)[None], vector.sum(axis=0)[None], shrinkage)
+        return gram.solutions(matrix.sum(axis=0)[None], vector.sum(axis=0)[None], shrinkage)
 
 
 def _parts(problem: IdentificationProblem, lengths: Sequence[int]) -> tuple[Indices, Indices]:
@@ -218,7 +210,7 @@ def _parts(problem: IdentificationProblem, lengths: Sequence[int]) -> tuple[Indi
 def _cells(problem: IdentificationProblem, lengths: Sequence[int]) -> LeftOutCells:
     parts, blocks_of_time = _parts(problem, lengths)
     keys, cells = np.unique(np.stack([parts, blocks_of_time]), axis=1, return_inverse=True)
-    blocks = gram_blocks(
+    blocks = gram.gram_blocks(
         ((rows, np.concatenate([c, t[None]])) for rows, c, t in problem.chunks()),
         np.tile(cells.reshape(-1), (problem.samples.joints, 1)),
         keys.shape[1],
@@ -241,7 +233,7 @@ def _rivals(
     vector = (system.vector - system.matrix @ known.mean) @ free
     total, target = matrix.sum(axis=0), vector.sum(axis=0)
     several = len(matrix) > 1
-    own = solutions(
+    own = gram.solutions(
         total - matrix if several else matrix, target - vector if several else vector, None
     )
     friction = system.square_errors(known.mean + own @ free.T)
@@ -256,7 +248,7 @@ def _rivals(
 
 def _root(
     fitted: _LeftOut,
-    prior: Shrinkage,
+    prior: gram.Shrinkage,
     strength: float,
     known: PublishedPrior,
     near: Sequence[float],

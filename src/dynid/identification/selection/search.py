@@ -12,16 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, Progress, silent
-from dynid.identification.selection.columns import (
-    PLAIN_WIDTH,
-    JointChoice,
-)
+from dynid.identification.selection.columns import PLAIN_WIDTH, JointChoice
 from dynid.identification.selection.delays import Delays, measured_delays, refined_delays
-from dynid.identification.selection.scoring import (
-    GAIN_OF_SHAPE,
-    PRIOR_OF_PLAIN,
-    ScoreSearch,
-)
+from dynid.identification.selection.scoring import GAIN_OF_SHAPE, PRIOR_OF_PLAIN, ScoreSearch
 from dynid.regressor import FrictionTerms
 from dynid.robot import RobotModel
 from dynid.signals import (

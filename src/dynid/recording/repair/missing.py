@@ -191,7 +191,8 @@ def _drop_placeholders(table: RawTable) -> RawTable:
         if quantity in TORQUE_SOURCES and table.joints > 1:
             # A controller that waits for its sensors writes zeros for all of them.
             silent: Mask = (value == 0).all(axis=1)
-            bad |= silent if _long(silent) else False
+            if any(length >= _PLACEHOLDER_ROWS for _, length in _runs(silent)):
+                bad |= silent
         if bad.any() and bad.mean() <= _MOST:
             row = int(np.argmax(bad))
             joint = int(np.argmax(np.abs(value[row] - np.median(value, axis=0))))
@@ -202,11 +203,6 @@ def _drop_placeholders(table: RawTable) -> RawTable:
                 f"{table.row(row)} ({value[row, joint]:.6g})",
             )
     return table
-
-
-def _long(mask: Mask) -> bool:
-    """Whether a mask has a run of some rows."""
-    return any(length >= _PLACEHOLDER_ROWS for _, length in _runs(mask))
 
 
 def _placeholders(column: Array) -> Mask:

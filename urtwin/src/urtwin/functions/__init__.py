@@ -8,15 +8,7 @@ from urtwin.core import Core
 from urtwin.functions.io import ABSENT, IO
 from urtwin.functions.sockets import SOCKETS
 from urtwin.functions.state import STATE
-from urtwin.urscript import (
-    LIBRARY,
-    Builtin,
-    Routine,
-    Value,
-    builtins,
-    truth,
-    within,
-)
+from urtwin.urscript import LIBRARY, Builtin, Routine, Value, builtins, truth, within
 
 __all__ = [
     "BUILTINS",

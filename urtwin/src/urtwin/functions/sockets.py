@@ -12,15 +12,7 @@ from typing import Any, TypeVar
 
 from urtwin.core import Core
 from urtwin.network import Link
-from urtwin.urscript import (
-    BACK,
-    LISTENING,
-    MAX_LENGTH,
-    Value,
-    number,
-    shown,
-    whole,
-)
+from urtwin.urscript import BACK, LISTENING, MAX_LENGTH, Value, number, shown, whole
 
 T = TypeVar("T")
 Waiting = Generator[str | None, None, T]

@@ -34,10 +34,7 @@ def _locate(error: Exception, line: int) -> NoReturn:
         raise error
     where = f"line {line}"
     if isinstance(error, DynidError):
-        step = error.next_step
-        raise ScriptFault(
-            error.what, where=where, value=error.value, limit=error.limit, next_step=step
-        ) from error
+        raise ScriptFault(**error.facts | {"where": where}) from error
     text = "division by zero" if isinstance(error, ZeroDivisionError) else str(error)
     raise ScriptFault(text, where=where) from error
 
