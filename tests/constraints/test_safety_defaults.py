@@ -107,6 +107,14 @@ def test_five_percent_are_kept_free_and_shown() -> None:
     assert worst(0.0)[2]
 
 
+def test_a_certificate_without_a_margin_says_that_the_controller_may_stop_the_motion() -> None:
+    note = "no margin is kept: the controller may stop a motion that overshoots"
+    for margin, said in ((0.0, True), (0.01, False), (None, False)):
+        judge = safe_constraints(UR5) if margin is None else safe_constraints(UR5, margin=margin)
+        notes = certify(resting(HOME), judge).to_json()["notes"]
+        assert (note in notes) == said, (margin, notes)
+
+
 def test_the_search_sees_what_the_certificate_sees() -> None:
     robot = with_tool(UR5, tcp=[0, 0, 0.2], payload=[2.0, 0, 0, 0.1])
     judge = safe_constraints(robot)

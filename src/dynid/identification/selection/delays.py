@@ -14,19 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, Indices, Mask
-from dynid.identification.selection.columns import (
-    LOAD,
-    WIDTHS,
-    CandidateColumns,
-    JointChoice,
-)
+from dynid.identification.selection.columns import LOAD, WIDTHS, CandidateColumns, JointChoice
 from dynid.identification.selection.gram import RIDGE, GramBlocks, joint_weights
-from dynid.identification.selection.scoring import (
-    LEAST_GAIN,
-    PRIOR_OF_PLAIN,
-    Scores,
-    ScoreSearch,
-)
+from dynid.identification.selection.scoring import LEAST_GAIN, PRIOR_OF_PLAIN, Scores, ScoreSearch
 from dynid.signals import ProcessingSettings
 
 LONGEST_DELAY_S = 0.08
