@@ -17,6 +17,8 @@ from dynid.regressor import FrictionTerms, InverseDynamicModel, LoadFriction, te
 from dynid.trajectory import random_excitation
 from dynid.workflow import Identification
 
+pytestmark = pytest.mark.usefixtures("undiagnosed")
+
 SHARE = 0.08
 """Of the load of joint 2 [-]."""
 WIDTH = 0.02

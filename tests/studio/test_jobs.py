@@ -81,7 +81,7 @@ def test_stop_stops_the_robot_and_keeps_what_was_recorded(motion: Path, tmp_path
     ("does", "says"),
     [
         # Half a line, and one that no longer hears what it should do.
-        ("os.write(1, b'{\"result\": {\"wor')", "ended with code 0"),
+        ('os.write(1, b\'{"result": {"wor\')', "ended with code 0"),
         ("os.kill(os.getpid(), 9)", "ended with code -9"),
     ],
 )
