@@ -1,5 +1,6 @@
 """What holds for all tests."""
 
+import gc
 import importlib
 import os
 import signal
@@ -17,6 +18,13 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 # that interrupt would wait for nothing.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_finish() -> None:
+    """What was imported and collected stays: the collector of garbage need not look at it again."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 50)
 
 
 @pytest.fixture(scope="module")
