@@ -1,7 +1,12 @@
 """What holds for all tests."""
 
+import gc
+import importlib
 import os
 import signal
+from collections.abc import Iterator
+
+import pytest
 
 # Two workers on two cores: threads of a linear algebra library would wait for each other, which
 # costs small matrices more than half of their time. Set before NumPy is imported; children take
@@ -13,3 +18,19 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 # that interrupt would wait for nothing.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_finish() -> None:
+    """What was imported and collected stays: the collector of garbage need not look at it again."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 50)
+
+
+@pytest.fixture(scope="module")
+def undiagnosed() -> Iterator[None]:
+    """Nothing is asked of the diagnosis: it does not take its time, half of an identification's."""
+    module = importlib.import_module("dynid.workflow.identify")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "diagnose", lambda *_: ())
+        yield

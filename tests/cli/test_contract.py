@@ -184,6 +184,7 @@ def test_a_short_one_way_motion_is_called_unusable(run: Run, recordings: Recordi
     assert data["verdict"]["level"] == "do_not_use"
 
 
+@pytest.mark.usefixtures("undiagnosed")
 def test_halves_of_one_recording(run: Run, recordings: Recordings) -> None:
     data = run(
         *("identify", recordings.identification, "--preset", "paper", "--to", "6"),
@@ -193,6 +194,7 @@ def test_halves_of_one_recording(run: Run, recordings: Recordings) -> None:
     assert data["estimate"] is None
 
 
+@pytest.mark.usefixtures("undiagnosed")
 def test_foreign_files_are_read_directly(run: Run, recordings: Recordings) -> None:
     words = ["identify", recordings.csv, "--preset", "paper", "--json"]
     assert run(*words, "--robot", "ur5").json()["base_parameters"] == 52
@@ -201,6 +203,7 @@ def test_foreign_files_are_read_directly(run: Run, recordings: Recordings) -> No
     assert again["relative_error_overall_percent"] < 10
 
 
+@pytest.mark.usefixtures("undiagnosed")
 def test_a_robot_file_is_remembered(run: Run, recordings: Recordings, tmp_path: Path) -> None:
     from importlib import resources
 
@@ -313,6 +316,7 @@ def test_one_recording_shows_no_payload(run: Run, recordings: Recordings) -> Non
     assert_bad_usage(run("payload", one, one), "with the payload is one without")
 
 
+@pytest.mark.usefixtures("undiagnosed")
 def test_bad_windows_and_settings(run: Run, recordings: Recordings) -> None:
     record = recordings.identification
     paper = ["identify", record, "--preset", "paper"]

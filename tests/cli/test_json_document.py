@@ -16,7 +16,6 @@ import dynid
 from dynid.core import provenance
 from dynid.simulation import simulated_arm
 from dynid.trajectory import write_trajectory
-from urtwin import controller_process
 
 POINTS = 5.0
 """Percentage points by which a change of viscous friction may be missed."""
@@ -46,6 +45,7 @@ def test_import(run: Run, recordings: Recordings, tmp_path: Path) -> None:
     assert set(data) == keys_of("import")
 
 
+@pytest.mark.usefixtures("undiagnosed")
 def test_identify_and_validate(run: Run, recordings: Recordings) -> None:
     data = run("identify", recordings.identification, "--preset", "paper", "--json").json()
     assert set(data) == keys_of("identify") - {"standard"}
@@ -71,10 +71,9 @@ def test_design_check_and_run(run: Run, tmp_path: Path) -> None:
     assert set(ran.json()) == keys_of("run") - {"until"}
 
 
-def test_controller(tmp_path: Path) -> None:
-    with controller_process("ur5", virtual_time=True) as controller:
-        assert {"host", "ports", "rate_hz", "version"} <= keys_of("controller")
-        assert controller.ports["rtde"] == 30004
+def test_controller() -> None:
+    # That its line has them is looked at where the process is: urtwin/tests.
+    assert {"host", "ports", "rate_hz", "version"} <= keys_of("controller")
 
 
 def test_compare_export_and_report(run: Run, recordings: Recordings, tmp_path: Path) -> None:

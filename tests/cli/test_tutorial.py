@@ -46,7 +46,7 @@ def recorded(
     path.write_text(arm(tool))
     motion = dynid.read_trajectory(str(folder / design)).trajectory
     robot = dynid.load_robot(path)
-    made = dynid.simulate_recording(robot, motion, periods=2, seed=seed, thermal=thermal)
+    made = dynid.simulate_recording(robot, motion, periods=1, seed=seed, thermal=thermal)
     # Without drive gains an ampere of the simulated arm is a newton metre.
     torque = {"effort": made.signals["current"]}
     return replace(made, signals={**made.signals, **torque})

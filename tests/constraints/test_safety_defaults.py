@@ -8,10 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynid.constraints import MotionConstraints, certify, safe_constraints, scene_from_json
+from dynid.constraints import (
+    ConstraintSettings,
+    MotionConstraints,
+    certify,
+    safe_constraints,
+    scene_from_json,
+)
 from dynid.core import InputError, JsonFields
 from dynid.robot import RobotModel, joint_poses, load_robot, with_tool
-from dynid.trajectory import Quintic
+from dynid.trajectory import Quintic, usable_bounds
 
 UR5 = load_robot("ur5")
 HOME = np.array([0.0, -1.2, 0.9, -1.2, -1.57, 0.0])
@@ -105,6 +111,23 @@ def test_five_percent_are_kept_free_and_shown() -> None:
     assert not holds
     assert worst(0.03) == (pytest.approx(0.04), 0.03, True)
     assert worst(0.0)[2]
+
+
+def test_a_certificate_without_a_margin_says_that_the_controller_may_stop_the_motion() -> None:
+    note = "no margin is kept: the controller may stop a motion that overshoots"
+    for margin, said in ((0.0, True), (0.01, False), (None, False)):
+        judge = safe_constraints(UR5) if margin is None else safe_constraints(UR5, margin=margin)
+        notes = certify(resting(HOME), judge).to_json()["notes"]
+        assert (note in notes) == said, (margin, notes)
+
+
+@pytest.mark.parametrize("name", ["margin", "clearance", "self_clearance"])
+@pytest.mark.parametrize("value", [-1e-3, 1.0, 1.5, np.nan])
+def test_what_is_kept_free_is_a_share_or_less_than_a_metre(name: str, value: float) -> None:
+    bounds = usable_bounds(UR5.limits)
+    assert getattr(ConstraintSettings(bounds=bounds, **{name: 0.999}), name) == 0.999
+    with pytest.raises(InputError, match="0 to 1"):
+        ConstraintSettings(bounds=bounds, **{name: value})
 
 
 def test_the_search_sees_what_the_certificate_sees() -> None:

@@ -14,6 +14,8 @@ from dynid.recording import ExperimentRecord, read_recording
 from dynid.robot import RobotModel, load_robot
 from dynid.workflow import IdentifySettings
 
+pytestmark = pytest.mark.usefixtures("undiagnosed")
+
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data"
 # The asked agreement of torques [N.m]; above 100 in proportion.

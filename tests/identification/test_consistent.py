@@ -39,6 +39,8 @@ from dynid.robot import from_pseudo_inertia, is_physical, to_pseudo_inertia
 from dynid.signals import ProcessingSettings, process
 from dynid.workflow import Identification, IdentifySettings
 
+pytestmark = pytest.mark.usefixtures("undiagnosed")
+
 SOLVERS_AGREE = 1e-6
 """Two solvers of one convex problem, relative to the parameters."""
 POSES = 100_000

@@ -15,6 +15,7 @@ from dynid.reduction import reduce_model
 from dynid.regressor import parse_terms
 from dynid.signals import ProcessingSettings, process
 from dynid.workflow import Identification, IdentifySettings, verdict
+from dynid.workflow.identify import fit_records
 
 
 def codes(result: Identification) -> set[str]:
@@ -41,26 +42,6 @@ def test_a_joint_that_stands_is_low_excitation() -> None:
     message = next(n.message for n in result.warnings if n.code == "low_excitation")
     assert "wrist_1_joint" in message
     assert "must not be used" in message
-
-
-def test_one_way_motion_is_low_excitation_and_ill_conditioned() -> None:
-    t = np.arange(500) / 125
-    ramp = 0.5 * (1 - np.cos(np.pi * t / t[-1]))
-    q = ramp[:, None] * np.array([1.0, 0.9, 1.1, 0.8, 1.0, 1.2])
-    effort = np.random.default_rng(0).normal(size=q.shape) + 5
-    record = ExperimentRecord(t=t, signals={"q": q, "effort": effort})
-    result = identify([record], ur5(), IdentifySettings())
-    assert {"low_excitation", "ill_conditioned"} <= codes(result)
-
-
-def test_torques_of_the_wrong_sign_are_not_physical() -> None:
-    record = recording(0)
-    wrong = ExperimentRecord(
-        t=record.t, signals={"q": record.signals["q"], "effort": -record.signals["effort"]}
-    )
-    paper = IdentifySettings(preset="paper")
-    kinds = {f.kind for f in identify([wrong], ur5(), paper).warnings}
-    assert "reversed" in kinds
 
 
 def test_the_smallest_mass_eigenvalue_is_pinocchio_s() -> None:
@@ -93,7 +74,8 @@ def test_correlated_residuals_are_said() -> None:
 
 def test_given_terms_and_cutoff_are_kept() -> None:
     terms = parse_terms("fc,fv,im,fo:2")
-    result = identify([recording(0)], ur5(), IdentifySettings(terms=terms, cutoff_hz=12.5)).estimate
+    given = IdentifySettings(terms=terms, cutoff_hz=12.5)
+    result = fit_records([recording(0)], ur5(), given).estimate
     assert result.model.friction.terms == terms.terms
     assert result.settings.cutoff_hz == 12.5
 

@@ -27,6 +27,8 @@ from dynid.signals import ProcessingSettings, process
 from dynid.trajectory import random_excitation
 from dynid.workflow import Identification
 
+pytestmark = pytest.mark.usefixtures("undiagnosed")
+
 SHARE = 0.08
 """Of the load of joint 2 [-]."""
 WIDTH = 0.02

@@ -52,6 +52,8 @@ from dynid.signals import process
 from dynid.workflow import IdentifySettings
 from dynid.workflow.identify import gains_nothing
 
+pytestmark = pytest.mark.usefixtures("undiagnosed")
+
 SAME = 1e-6
 NEAR = 1.25
 """What holding unknowns for good may cost against the constrained minimum."""

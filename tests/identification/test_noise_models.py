@@ -17,6 +17,8 @@ from dynid.regressor import InverseDynamicModel
 from dynid.signals import ProcessingSettings, process
 from dynid.workflow import IdentifySettings
 
+pytestmark = pytest.mark.usefixtures("undiagnosed")
+
 SEEDS = range(14)
 
 

@@ -40,6 +40,8 @@ from dynid.signals import ProcessingSettings, process
 from dynid.trajectory import random_excitation
 from dynid.workflow import IdentifySettings
 
+pytestmark = pytest.mark.usefixtures("undiagnosed")
+
 REFERENCE = 1e-6
 """Against another solver of the same equations, relative."""
 

@@ -16,6 +16,8 @@ from dynid.trajectory import random_excitation
 from dynid.validation import validate
 from dynid.workflow import Identification, IdentifySettings
 
+pytestmark = pytest.mark.usefixtures("undiagnosed")
+
 OVER = 4e-3
 """Displacement of every joint [rad]: between two that are tried."""
 ACCELERATION = 5.5 * np.pi

@@ -18,6 +18,8 @@ from dynid.signals import ProcessingSettings, TorqueFilter, process
 from dynid.validation import validate
 from dynid.workflow import Identification, identify_shared
 
+pytestmark = pytest.mark.usefixtures("undiagnosed")
+
 CUTOFF_HZ = 2.5
 ORDER = 3
 DECAYED = 1e-4

@@ -24,6 +24,8 @@ from dynid.regressor import (
 )
 from dynid.workflow import Identification
 
+pytestmark = pytest.mark.usefixtures("undiagnosed")
+
 RATE = 500.0
 QUIET = 0.2
 """Share of the usual torque noise."""

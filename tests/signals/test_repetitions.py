@@ -193,6 +193,13 @@ def test_friction_from_before_the_first_repetition_does_not_count() -> None:
     np.testing.assert_allclose(one.torque, whole.torque[:LENGTH], rtol=0, atol=EXACT * 100)
     assert one.noise is not None
     assert (one.noise < EXACT * 100).all()
+    # From there on, and from the beginning where a joint never moves, it counts as any other.
+    late = np.zeros_like(whole.torque)
+    for joint in range(3):
+        late[(first[joint] if joint != 1 else 0) : LENGTH, joint] = 3.0
+    one = fold_periods(replace(whole, torque=whole.torque + late), 5.0)
+    expected = whole.torque[:LENGTH] + late[:LENGTH] / 3
+    np.testing.assert_allclose(one.torque, expected, rtol=0, atol=EXACT * 100)
     # Where the other repetitions have gaps, it is all that is known.
     torn = replace(whole, valid=np.where(np.arange(3 * LENGTH) % LENGTH < 2, 0.0, 1.0))
     torn.valid[:2] = 1.0

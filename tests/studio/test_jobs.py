@@ -1,8 +1,7 @@
 from __future__ import annotations
 
+import io
 import json
-import os
-import signal
 import subprocess
 import sys
 import threading
@@ -15,8 +14,10 @@ import numpy as np
 import pytest
 from gentle import CYCLES, write_motion
 
+from dynid.core import InputError
 from dynid.recording import read_record
-from dynid.studio.jobs import Job, JobState, Supervisor
+from dynid.studio.child import ParentTalk, _run
+from dynid.studio.jobs import Job, JobState, Supervisor, line
 from dynid.studio.live import TailReader
 from dynid.workflow import check
 from urtwin import controller_process, own_address
@@ -76,19 +77,29 @@ def test_stop_stops_the_robot_and_keeps_what_was_recorded(motion: Path, tmp_path
     assert record.metadata.extra["abort"] == "interrupted"
 
 
-def test_half_a_line_of_a_killed_process_ends_the_job(
-    motion: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("does", "says"),
+    [
+        # Half a line, and one that no longer hears what it should do.
+        ('os.write(1, b\'{"result": {"wor\')', "ended with code 0"),
+        ("os.kill(os.getpid(), 9)", "ended with code -9"),
+    ],
+)
+def test_the_end_of_a_process_ends_its_job(
+    motion: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, does: str, says: str
 ) -> None:
-    begin, half = subprocess.Popen, 'import os; os.write(1, b\'{"result": {"wor\')'
+    begin = subprocess.Popen
 
     def killed(_: object, **options: Any) -> subprocess.Popen[str]:
-        return begin([sys.executable, "-c", half], **options)
+        return begin([sys.executable, "-c", f"import os; {does}"], **options)
 
     monkeypatch.setattr(subprocess, "Popen", killed)
-    state = Supervisor(run_job(motion, tmp_path / "run.parquet")).wait(PATIENCE)
+    job = Supervisor(run_job(motion, tmp_path / "run.parquet"))
+    state = job.wait(PATIENCE)
     assert (state.ended, state.result) == (True, None)
-    assert state.error is not None
-    assert "ended with code 0" in state.error
+    assert says in str(state.error)
+    job.close()
+    assert job.state == state
 
 
 def test_a_page_that_is_gone_is_a_stop(motion: Path, tmp_path: Path) -> None:
@@ -104,19 +115,9 @@ def test_a_page_that_is_gone_is_a_stop(motion: Path, tmp_path: Path) -> None:
     assert read_record(path).samples == state.result["samples"]
 
 
-def test_errors_arrive_as_sentences(motion: Path, tmp_path: Path) -> None:
-    missing = Supervisor(run_job(tmp_path / "none.json", tmp_path / "a.parquet"))
-    assert "none.json" in str(missing.wait(PATIENCE).error)
+def test_the_last_words_of_a_failure_arrive(motion: Path, tmp_path: Path) -> None:
     unknown = Supervisor(run_job(motion, tmp_path / "b.parquet", teapot=1))
-    error = str(unknown.wait(PATIENCE).error)
-    assert "teapot" in error
-    killed = Supervisor(run_job(motion, tmp_path / "c.parquet", repeat=1000))
-    until(killed, lambda state: state.share > 0)
-    os.kill(killed.pid, signal.SIGKILL)
-    state = killed.wait(PATIENCE)
-    assert "ended with code -9" in str(state.error)
-    killed.close()
-    assert killed.state.ended
+    assert "teapot" in str(unknown.wait(PATIENCE).error)
 
 
 def test_a_search_shows_its_criterion_and_keeps_its_best(tmp_path: Path) -> None:
@@ -143,25 +144,34 @@ def controller() -> object:
         yield running
 
 
-def test_a_real_robot_moves_only_when_its_word_was_typed(
+@pytest.mark.parametrize("heard", [{"answer": "yes"}, {"stop": True}, None])
+def test_a_real_robot_does_not_move_unless_its_word_was_typed(
+    controller, motion: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, heard: object
+) -> None:
+    """The job in this process: what it hears, and that the end of it is Ctrl-C."""
+    ended = threading.Event()
+    monkeypatch.setattr("dynid.studio.child.os.kill", lambda *_: ended.set())
+    told = io.StringIO()
+    talk = ParentTalk(told, io.StringIO("" if heard is None else line(heard)))
+    talk.listen()
+    path = tmp_path / "refused.parquet"
+    with pytest.raises(InputError, match="not confirmed"):
+        _run(run_job(motion, path, f"ur://{controller.host}", repeat=1), talk)
+    assert ended.wait(PATIENCE)
+    assert not path.exists()
+    (asked,) = [m for m in map(json.loads, told.getvalue().splitlines()) if "ask" in m]
+    assert asked["word"] == controller.host
+
+
+def test_a_real_robot_moves_when_its_word_was_typed(
     controller, motion: Path, tmp_path: Path
 ) -> None:
-    path = tmp_path / "refused.parquet"
-    job = Supervisor(run_job(motion, path, f"ur://{controller.host}", repeat=1))
-    asked = until(job, lambda state: state.ask is not None)
-    assert asked.word == controller.host
-    assert "mounted as" in str(asked.ask)
-    job.answer("yes")
-    assert "not confirmed" in str(job.wait(PATIENCE).error)
-    assert not path.exists()
-    stopped = Supervisor(run_job(motion, path, f"ur://{controller.host}", repeat=1))
-    until(stopped, lambda state: state.ask is not None)
-    stopped.stop()
-    assert "not confirmed" in str(stopped.wait(PATIENCE).error)
     agreed = Supervisor(
         run_job(motion, tmp_path / "run.parquet", f"ur://{controller.host}", repeat=1)
     )
-    until(agreed, lambda state: state.ask is not None)
+    asked = until(agreed, lambda state: state.ask is not None)
+    assert asked.word == controller.host
+    assert "mounted as" in str(asked.ask)
     agreed.answer(controller.host)
     state = agreed.wait(PATIENCE)
     assert state.error is None

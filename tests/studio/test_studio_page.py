@@ -21,7 +21,7 @@ from dynid.studio.page import Page
 from dynid.studio.session import free_name
 
 PATIENCE = 90.0
-DESIGN = {"criterion": "prediction", "period_s": 10.0, "harmonics": 3, "budget_s": 4.0, "seed": 0}
+DESIGN = {"criterion": "prediction", "period_s": 10.0, "harmonics": 3, "budget_s": 1.0, "seed": 0}
 URDF = """<robot name="two"><link name="base"/><link name="arm"><inertial><mass value="1"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
 <visual><geometry><box size="1 1 1"/></geometry></visual></link>

@@ -12,6 +12,8 @@ from dynid.identification import Estimate
 from dynid.simulation import SimulatedPlant, simulated_arm
 from dynid.validation import ContactThresholds, MomentumObserver, contact_thresholds
 
+pytestmark = pytest.mark.usefixtures("undiagnosed")
+
 RATE = 125.0
 CONTACT = 15.0
 WITHIN_S = 0.05

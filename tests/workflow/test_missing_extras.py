@@ -68,6 +68,8 @@ JOBS = {
     "fleet memory://recordings -o out": "objects",
 }
 """Command to the extra that it needs."""
+ANALYZE = "analyze ur5 --json"
+"""A command that needs none."""
 FILES = {
     "a.h5": b"\x89HDF\r\n\x1a\n" + bytes(64),
     "a.xlsx": b"PK\x03\x04" + bytes(64),
@@ -92,10 +94,10 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Any]]:
     folder = tmp_path_factory.mktemp("jobs")
     for name, content in FILES.items():
         (folder / name).write_bytes(content)
-    words = ("-c", ONE_AFTER_THE_OTHER, json.dumps(list(JOBS)))
+    words = ("-c", ONE_AFTER_THE_OTHER, json.dumps([*JOBS, ANALYZE]))
     done = without(EXTRA_MODULES, folder, *words, module=False)
     assert done.returncode == 0, done.stderr
-    return dict(zip(JOBS, json.loads(done.stdout), strict=True))
+    return dict(zip([*JOBS, ANALYZE], json.loads(done.stdout), strict=True))
 
 
 @pytest.mark.parametrize("job", JOBS)
@@ -118,7 +120,7 @@ def test_without_urtwin_the_command_says_how_to_install_it(tmp_path: Path) -> No
     assert "pip install ./urtwin" in done.stderr
 
 
-def test_the_core_dependencies_are_enough_to_analyze(tmp_path: Path) -> None:
-    done = without(EXTRA_MODULES, tmp_path, "analyze", "ur5", "--json")
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["base_parameters"] == 52
+def test_the_core_dependencies_are_enough_to_analyze(said: dict[str, list[Any]]) -> None:
+    code, out, err, _ = said[ANALYZE]
+    assert code == 0, err
+    assert json.loads(out)["base_parameters"] == 52

@@ -59,6 +59,7 @@ def ur10() -> tuple[ExperimentRecord, RobotModel]:
     return read_recording([bag], robot=robot), robot
 
 
+@pytest.mark.usefixtures("undiagnosed")
 @pytest.mark.parametrize("backwards", [False, pytest.param(True, marks=pytest.mark.long)])
 @pytest.mark.parametrize(("preset", "limit"), [("paper", 0.160), ("best", 0.080)])
 def test_ur10_halves_predict_each_other(
