@@ -75,8 +75,9 @@ def test_a_motion_that_begins_and_ends_moving_keeps_its_acceleration(rate: float
     """Mirrored ends would turn accelerations round: 70 % of the largest would be wrong."""
     t, rng = np.arange(int(8.3 * rate)) / rate, np.random.default_rng(0)
     waves = 2 * np.pi * np.array([0.5, 0.9])
-    q = np.cos(np.outer(t, waves) + [0.3, 1.0]) @ [1.0, 0.3]
-    acceleration = -np.cos(np.outer(t, waves) + [0.3, 1.0]) @ ([1.0, 0.3] * waves**2)
+    phases, sizes = np.array([0.3, 1.0]), np.array([1.0, 0.3])
+    q = np.cos(np.outer(t, waves) + phases) @ sizes
+    acceleration = -np.cos(np.outer(t, waves) + phases) @ (sizes * waves**2)
     measured = q + 1e-5 * rng.normal(size=len(q))
     signals = UniformSignals(
         t=t,

@@ -82,8 +82,8 @@ def _continued(sections: Array, values: Array, beyond: int, share: float) -> Arr
     """
     signal = scipy_part("signal")
     last = values[-beyond:]
-    time = np.arange(1 - len(last), beyond + 1) * (np.pi * share)
-    powers = time[:, None] ** np.arange(ORDER)
+    time = np.arange(1 - len(last), beyond + 1, dtype=np.float64) * (np.pi * share)
+    powers = np.asarray(np.vander(time, ORDER), dtype=np.float64)
     rest = signal.sosfilt_zi(sections)[..., None]
 
     def state(of: Array) -> Array:
