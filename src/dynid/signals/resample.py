@@ -207,7 +207,7 @@ def fold_periods(signals: UniformSignals, period_s: float) -> UniformSignals:
     known = np.repeat(counts, torques.shape[2], axis=2)
     away = np.maximum.accumulate(np.abs(signals.q[:length] - signals.q[0]), axis=0)
     settled = away >= np.minimum(FORGOTTEN, away[-1] / 2)
-    known[0] *= settled | (known[1:].sum(axis=0) == 0)
+    known[0] *= settled
     many = known.sum(axis=0)
     torque = (torques * np.where(many > 0, known / np.maximum(many, 1), weights)).sum(axis=0)
     noise, freedom = signals.noise, np.maximum(many - 1, 0).sum(axis=0)
