@@ -26,7 +26,16 @@ CHANGED = 7
 DAY_S = 86400.0
 
 
-def write(folder: Path, name: str, real: Plant, day: int, *, factor: float, gain: float) -> None:
+def write(
+    folder: Path,
+    name: str,
+    real: Plant,
+    day: int,
+    *,
+    factor: float,
+    gain: float,
+    mount: str = "file",
+) -> None:
     draw = np.random.default_rng([day, len(name)])
     moved = motion(real.robot, "fourier", day % 2, RATE_HZ, LENGTH_S)
     rigid = real.torque(moved.q, moved.dq, moved.ddq)
@@ -38,7 +47,7 @@ def write(folder: Path, name: str, real: Plant, day: int, *, factor: float, gain
     record = dynid.ExperimentRecord(
         t=moved.t,
         signals={"q": moved.q, "effort": torque, "temperature": warm + 0 * rigid},
-        metadata=dynid.RecordMetadata(robot="ur5"),
+        metadata=dynid.RecordMetadata(robot="ur5", extra={"mount": mount}),
     )
     place = folder / name / f"{(START + timedelta(days=day)).date()}"
     place.mkdir(parents=True)
@@ -94,20 +103,35 @@ def test_table_holds_shared_inertias_and_a_friction_state_a_day(found: dynid.Fle
     ]
 
 
-def test_inertias_are_those_of_the_arm(found: dynid.Fleet) -> None:
-    # What both arms share with their published model, gravity of the big links, within 15 %.
+def held(found: dynid.Fleet, real: Plant, robot: str) -> np.ndarray:
+    """(6) errors of gravity in a pose, of the shared inertias of a robot [N.m]."""
     table = parquet.read_table(found.output / "estimates.parquet").to_pylist()
-    real = plant(dynid.load_robot("ur5"), 2)
     still = np.zeros((1, 6))
     q = np.array([[0.3, -0.5, 0.8, 0.2, 0.4, 0.1]])
     base = dynid.reduce_model(dynid.InverseDynamicModel(robot=real.robot))
-    value = {row["name"]: row["value"] for row in table if row["robot"] == "arm b"}
-    torque = np.zeros(6)
+    value = {row["name"]: row["value"] for row in table if row["robot"] == robot}
+    torque = -real.torque(q, still, still)[0]
     for k, name in enumerate(base.names):
         if not name.startswith(("Fc", "Fv")):
             column = base.model.stack(q, still, still)[base.independent[k]]
             torque += value[name] * np.asarray(column).reshape(6)
-    assert torque == pytest.approx(real.torque(q, still, still)[0], abs=1.0)
+    return torque
+
+
+def test_inertias_are_those_of_the_arm(found: dynid.Fleet) -> None:
+    # What both arms share with their published model, gravity of the big links, within 15 %.
+    assert held(found, plant(dynid.load_robot("ur5"), 2), "arm b") == pytest.approx(0, abs=1.0)
+
+
+def test_an_arm_on_the_ceiling_is_identified_as_it_was_mounted(tmp_path: Path) -> None:
+    real = plant(dynid.load_robot("ur5", mount="ceiling"), 2)
+    for day in range(2):
+        write(tmp_path / "all", "c", real, day, factor=1.0, gain=1.0, mount="ceiling")
+    found = dynid.fleet(tmp_path / "all", tmp_path / "out")
+    assert held(found, real, "c") == pytest.approx(0, abs=1.5)
+    write(tmp_path / "all", "c", real, 2, factor=1.0, gain=1.0)
+    with pytest.raises(dynid.InputError, match="mountings"):
+        dynid.fleet(tmp_path / "all", tmp_path / "out")
 
 
 def test_second_run_computes_new_recordings_only(data: Path, found: dynid.Fleet) -> None:

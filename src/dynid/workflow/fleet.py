@@ -155,11 +155,12 @@ def fleet(
             )
         robots = _by_robot(recordings)
         for robot, group in robots.items():
-            if len({one.model for one in group}) > 1:
+            named = sorted({f"{one.model} ({one.mount or 'as in its file'})" for one in group})
+            if len(named) > 1:
                 raise InputError(
-                    "recordings of one robot name different models",
+                    "recordings of one robot name different models or mountings",
                     where=robot,
-                    value=sorted({one.model for one in group}),
+                    value=named,
                 )
         family = 2 * sum(len(group[0].temperature_degC) for group in robots.values())
         # Enough for the smallest p value to count after the correction.
@@ -221,7 +222,7 @@ def _robot(
 ) -> tuple[list[JointState], list[dict[str, Any]]]:
     """The joints of one robot, not yet judged, and its rows of the table; runs in a worker."""
     robot, group, asked, permutations = task
-    base = base_of(group[0].model, asked.terms)
+    base = base_of(group[0].model, asked.terms, group[0].mount)
     model = base.model.robot
     states = solve_robot([one.statistics for one in group])
     time_s = np.array([one.time_s for one in group])

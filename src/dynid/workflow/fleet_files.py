@@ -35,7 +35,7 @@ from dynid.robot import load_robot
 from dynid.signals import ProcessingSettings, process
 from dynid.workflow.recordings import known_gains, stored_robot
 
-SCHEME = 1
+SCHEME = 2
 """Of what is cached; another number makes all of it new."""
 MANIFEST = "manifest.csv"
 COLUMNS = ("file", "robot", "model", "time", "temperature_degC")
@@ -59,6 +59,8 @@ class FleetRecording:
     """The individual."""
     model: str
     """Built-in name, URDF or robot file."""
+    mount: str | None
+    """How the arm was mounted; None for as in its file."""
     time_s: float
     """When it was made, seconds since 1970; NaN where nobody says."""
     temperature_degC: Array
@@ -130,7 +132,7 @@ class _Contribution:
     statistics: RecordStatistics
     temperature_degC: Array
     facts: Mapping[str, str]
-    """`model`, `key` (of model and terms), and where known `robot` and `time`."""
+    """`model`, `key` (of model and terms), and where known `mount`, `robot` and `time`."""
 
 
 def _contribution(job: tuple[str, str | None, str]) -> _Contribution | str:
@@ -142,17 +144,20 @@ def _contribution(job: tuple[str, str | None, str]) -> _Contribution | str:
     try:
         with local_files([place]) as (path,):
             reference = stored_robot([path])[0] if model is None else model
-            base = base_of(reference, terms)
+            plain = load_robot(reference)
+            record, _ = known_gains(open_record(path, plain), plain)
+            extra = record.metadata.extra
+            mount = extra.get("mount", "file")
+            base = base_of(reference, terms, None if mount == "file" else mount)
             robot = base.model.robot
-            record, _ = known_gains(open_record(path, robot), robot)
         with _threads().limit(limits=1, user_api="blas"):  # pyright: ignore[reportUnknownMemberType]
             samples = process(record, robot, ProcessingSettings(decimate=True))
             problem = IdentificationProblem(base=base, samples=samples)
             statistics = record_statistics(problem)
     except DynidError as error:
         return str(error)
-    extra = record.metadata.extra
     facts = {"model": reference, "key": _key(reference, terms)}
+    facts |= {} if mount == "file" else {"mount": mount}
     for fact, keys in (("robot", ROBOT_KEYS), ("time", TIME_KEYS)):
         named = [extra[key] for key in keys if extra.get(key)]
         facts |= {fact: named[0]} if named else {}
@@ -175,9 +180,10 @@ def _threads() -> ThreadpoolController:
 
 
 @lru_cache(maxsize=16)
-def base_of(reference: str, terms: str) -> BaseParametrization:
-    """The base parameters that statistics of a robot are about."""
-    model = InverseDynamicModel(robot=load_robot(reference), friction=parse_terms(terms))
+def base_of(reference: str, terms: str, mount: str | None) -> BaseParametrization:
+    """The base parameters that statistics of a robot, mounted like this, are about."""
+    robot = load_robot(reference, mount=mount)
+    model = InverseDynamicModel(robot=robot, friction=parse_terms(terms))
     return reduce_model(model)
 
 
@@ -208,6 +214,7 @@ def _placed(
         path=name,
         robot=facts.get("robot") or row.get("robot") or named,
         model=facts["model"],
+        mount=facts.get("mount"),
         time_s=_seconds(when),
         temperature_degC=temperature,
         statistics=known.statistics,
