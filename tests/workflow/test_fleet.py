@@ -129,6 +129,9 @@ def test_an_arm_on_the_ceiling_is_identified_as_it_was_mounted(tmp_path: Path) -
         write(tmp_path / "all", "c", real, day, factor=1.0, gain=1.0, mount="ceiling")
     found = dynid.fleet(tmp_path / "all", tmp_path / "out")
     assert held(found, real, "c") == pytest.approx(0, abs=1.5)
+    # Two days are no trend, and that is said.
+    assert found.tests == 0
+    assert [(one.kind, one.value) for one in found.findings] == [("not_diagnosed", 1.0)]
     write(tmp_path / "all", "c", real, 2, factor=1.0, gain=1.0)
     with pytest.raises(dynid.InputError, match="mountings"):
         dynid.fleet(tmp_path / "all", tmp_path / "out")
@@ -171,14 +174,16 @@ def test_what_recordings_do_not_say_is_told_and_a_manifest_says_it(
         (folder / f"{k}.parquet").write_bytes(path.read_bytes())
     (folder / "notes.csv").write_text("no recording\n")
     nameless = dynid.fleet(folder, tmp_path / "out")
-    assert {finding.kind for finding in nameless.findings} == {"another_robot", "clock_mismatch"}
+    kinds = {finding.kind for finding in nameless.findings}
+    assert kinds == {"another_robot", "clock_mismatch", "not_diagnosed"}
     assert [name for name, _ in nameless.skipped] == ["notes.csv"]
     (folder / "manifest.csv").write_text(
         "file,robot,time\n0.parquet,r7,2026-02-01\n1.parquet,r7,2026-02-02T08:00:00+01:00\n"
     )
     assert main(["fleet", str(folder), "-o", str(tmp_path / "out"), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert (told["computed"], told["cached"], told["findings"]) == (0, 2, [])
+    assert (told["computed"], told["cached"]) == (0, 2)
+    assert [finding["kind"] for finding in told["findings"]] == ["not_diagnosed"]
     assert told["robots"][0]["robot"] == "r7"
     assert told["robots"][0]["last"] == "2026-02-02T07:00:00+00:00"
 

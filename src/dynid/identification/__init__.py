@@ -88,6 +88,7 @@ from dynid.identification.temperature_model import open_estimate as open_estimat
 from dynid.identification.temperature_model import read_temperature as read_temperature
 from dynid.identification.temperature_model import write_temperature as write_temperature
 from dynid.identification.trends import CONFIDENCE as CONFIDENCE
+from dynid.identification.trends import LEAST_RECORDINGS as LEAST_RECORDINGS
 from dynid.identification.trends import JointState as JointState
 from dynid.identification.trends import Trend as Trend
 from dynid.identification.trends import holm as holm

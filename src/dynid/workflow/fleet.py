@@ -27,6 +27,7 @@ from dynid.core import (
 )
 from dynid.identification import (
     CONFIDENCE,
+    LEAST_RECORDINGS,
     JointState,
     friction_names,
     judge,
@@ -200,7 +201,7 @@ def _missing(recordings: Sequence[FleetRecording]) -> list[Finding]:
     unnamed = [one.path for one in recordings if not one.robot]
     undated = [one.path for one in recordings if np.isnan(one.time_s)]
     unknown = [one.path for one in recordings if np.isnan(one.temperature_degC).any()]
-    return [
+    found = [
         Finding(
             kind,
             f"{len(names)} recordings have no {what}: {', '.join(names[:3])}",
@@ -214,6 +215,16 @@ def _missing(recordings: Sequence[FleetRecording]) -> list[Finding]:
         )
         if names
     ]
+    dated = [one for one in recordings if not np.isnan(one.time_s)]
+    known = {name: len(group) for name, group in _by_robot(dated).items()}
+    few = sorted({one.robot for one in recordings if known.get(one.robot, 0) < LEAST_RECORDINGS})
+    if few:
+        text = (
+            f"{len(few)} robots have fewer than {LEAST_RECORDINGS} recordings with a time, and no "
+        )
+        text += f"trends: {', '.join(few[:3])}"
+        found.append(Finding("not_diagnosed", text, value=float(len(few))))
+    return found
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # pyright: ignore[reportUnknownMemberType]
