@@ -210,8 +210,8 @@ def estimator_fits(row: str, fit: Callable[[str], dynid.Identification]) -> None
     assert result.training.metrics.relative_error_overall_percent < 6.5
     kept = dynid.read_estimate(FILES / "estimate.json")
     assert kept.estimator == "ols"
-    # Each is a method of its own; recursive least squares ends at the same numbers. Release 0.1, which
-    # wrote the file, mirrored a motion at its ends.
+    # Each is a method of its own; recursive least squares ends at the same numbers. Release 0.1,
+    # which wrote the file, mirrored a motion at its ends.
     if row != "rls":
         away = np.abs(result.estimate.values - kept.values) / kept.std
         assert (away.max() < 0.01) == (row == "ols")
