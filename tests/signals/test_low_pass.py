@@ -10,9 +10,9 @@ from dynid.signals import (
     default_cutoff,
     low_pass,
     motion_bandwidth,
+    samples_from,
 )
 from dynid.signals.filters import HARMONIC_FACTOR, LOWEST_DEFAULT_HZ
-from dynid.signals.process import filtered_motion
 from dynid.signals.resample import resample
 
 PHASE = 1e-3
@@ -87,7 +87,7 @@ def test_a_motion_that_begins_and_ends_moving_keeps_its_acceleration(rate: float
         torque=np.zeros((len(t), 1)),
         valid=np.ones(len(t)),
     )
-    found = filtered_motion(signals, ProcessingSettings(), 9.0)[2][:, 0]
+    found = samples_from(signals, ProcessingSettings(cutoff_hz=9.0), trim=False).ddq[:, 0]
     assert np.abs(found - acceleration).max() < AT_ENDS * np.abs(acceleration).max()
 
 
