@@ -5,7 +5,7 @@ import pytest
 from known_robot import oracle, recording, ur5
 
 from dynid import identify
-from dynid.bench.plants import arm, motion, plant
+from dynid.bench import arm, motion, plant
 from dynid.identification import Estimate, IdentificationProblem, WeightedLeastSquares, select
 from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model

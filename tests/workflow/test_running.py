@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dynid.bench import plants
+from dynid.bench import urdf
 from dynid.cli.app import main
 from dynid.core import InputError, JobError, provenance
 from dynid.recording import read_record
@@ -62,7 +62,7 @@ def test_a_run_makes_a_record_that_says_where_it_comes_from(design: Path, tmp_pa
 def test_a_record_tells_the_gains_that_its_robot_does_not(tmp_path: Path) -> None:
     """Without them nothing can be identified from the currents of a simulated URDF arm."""
     robot, design = tmp_path / "arm.urdf", tmp_path / "design.json"
-    robot.write_text(plants.urdf("sliding"))
+    robot.write_text(urdf("sliding"))
     arm = load_robot(robot)
     series = rest_series(PERIOD, np.array([0.0, 0.0, 0.1, 0.0]), np.zeros((4, 4)))
     write_trajectory(

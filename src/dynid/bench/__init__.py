@@ -8,6 +8,7 @@ from dynid.bench.plants import Plant as Plant
 from dynid.bench.plants import arm as arm
 from dynid.bench.plants import motion as motion
 from dynid.bench.plants import plant as plant
+from dynid.bench.plants import urdf as urdf
 from dynid.bench.verdicts import Case as Case
 from dynid.bench.verdicts import Judged as Judged
 from dynid.bench.verdicts import Recorded as Recorded
