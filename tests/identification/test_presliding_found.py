@@ -12,6 +12,7 @@ from known_robot import COULOMB, NOISE, identified, recording, ur5
 from dynid import identify
 from dynid.identification import read_estimate, write_estimate
 from dynid.recording import ExperimentRecord
+from dynid.regressor import FrictionTerms
 from dynid.trajectory import random_excitation
 from dynid.validation import validate
 from dynid.workflow import Identification, IdentifySettings
@@ -90,8 +91,17 @@ def test_an_arm_without_it_is_given_none() -> None:
     assert identified().estimate.model.friction.presliding == ()
 
 
+def test_terms_that_leave_it_out_are_given_no_delays_instead() -> None:
+    settings = IdentifySettings(terms=FrictionTerms(terms=(("fc", None), ("fv", None))))
+    estimate = identify(presliding(0), ur5(), settings).estimate
+    assert estimate.settings.delays_s is None
+    assert estimate.model.friction.terms == settings.terms.terms
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("estimator", ["iv", "didim", "ml"])
 def test_estimators_that_simulate_the_arm_do_without(estimator: str) -> None:
     settings = IdentifySettings(estimator=estimator)
-    assert identify(presliding(0), ur5(), settings).estimate.model.friction.presliding == ()
+    estimate = identify(presliding(0), ur5(), settings).estimate
+    assert estimate.model.friction.presliding == ()
+    assert estimate.settings.delays_s is None

@@ -81,10 +81,18 @@ def select(
     Raises:
         InputError: A recording is too short to leave parts out.
     """
-    search = ScoreSearch(robot, frames, recordings, terms, presliding=presliding, purpose=purpose)
     tell = progress or silent
     choices = (JointChoice(PLAIN_WIDTH, frozenset()),) * robot.joints
     delays_are_free, late = settings.delays_s is None, Delays()
+    if delays_are_free and (terms is not None or not presliding):
+        # Friction that the model leaves out would look like delays.
+        free = select(
+            robot, frames, recordings, settings, smoothed=smoothed, purpose=purpose,
+            progress=lambda word, share: tell(word, 0.5 * share),
+        )  # fmt: skip
+        late = Delays(taken_s=free.settings.delays_s, std_s=free.delays_std_s)
+        settings, delays_are_free = replace(settings, delays_s=late.taken_s), False
+    search = ScoreSearch(robot, frames, recordings, terms, presliding=presliding, purpose=purpose)
     if delays_are_free and not smoothed:
         tell("delays", 0.0)
         late = measured_delays(search, settings)
