@@ -88,7 +88,7 @@ def select(
         # Friction that the model leaves out would look like delays.
         free = select(
             robot, frames, recordings, settings, smoothed=smoothed, purpose=purpose,
-            progress=lambda word, share: tell(word, 0.5 * share),
+            progress=lambda word, share: tell(word, 0.1 * share),
         )  # fmt: skip
         late = Delays(taken_s=free.settings.delays_s, std_s=free.delays_std_s)
         settings, delays_are_free = replace(settings, delays_s=late.taken_s), False
