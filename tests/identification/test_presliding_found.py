@@ -10,6 +10,7 @@ import pytest
 from known_robot import COULOMB, NOISE, identified, recording, ur5
 
 from dynid import identify
+from dynid.bench import arm, motion, plant
 from dynid.identification import read_estimate, write_estimate
 from dynid.recording import ExperimentRecord
 from dynid.regressor import FrictionTerms
@@ -96,6 +97,20 @@ def test_terms_that_leave_it_out_are_given_no_delays_instead() -> None:
     estimate = identify(presliding(0), ur5(), settings).estimate
     assert estimate.settings.delays_s is None
     assert estimate.model.friction.terms == settings.terms.terms
+
+
+def test_joints_that_start_slowly_hide_no_delay() -> None:
+    # Friction is a step here: a displacement of 1e-4 rad takes as long as a delay at the start.
+    robot, joint, late_s = arm("ur3"), 3, 0.048
+    real = replace(plant(robot, 4012), presliding=np.full(6, 1e-6))
+    path = motion(robot, "fourier", 4012, 125.0, 30.0)
+    rigid = real.torque(path.q, path.dq, path.ddq)
+    effort = rigid + real.friction(path.dq, rigid, path.t[1])
+    effort[:, joint] = np.interp(path.t - late_s, path.t, effort[:, joint])
+    effort += real.torque_noise * np.random.default_rng(0).normal(size=effort.shape)
+    record = ExperimentRecord(t=path.t, signals={"q": path.q, "effort": effort})
+    estimate = identify(record, robot, IdentifySettings(purpose="this-motion")).estimate
+    assert estimate.settings.delays_s == pytest.approx(late_s * np.eye(6)[joint], abs=2e-3)
 
 
 @pytest.mark.long

@@ -212,7 +212,7 @@ class _DelayedSums:
             whole=np.asarray(whole, dtype=np.float64),
             fractions=np.asarray(fractions, dtype=np.float64),
             free=free,
-            blocks=tuple(each.counted if between else each.all for each in sums),
+            blocks=tuple(each.moving if between else each.all for each in sums),
             left_out=tuple(each.parts[0][0] for each in sums),
         )
 

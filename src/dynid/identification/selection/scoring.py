@@ -108,10 +108,12 @@ def gain_of(before: Array, after: Array) -> tuple[float, float]:
 class CandidateBlocks:
     """Gram blocks of some settings, by the partitions of a purpose."""
 
-    def __init__(self, blocks: GramBlocks, groups: Indices, counted: Indices) -> None:
+    def __init__(
+        self, blocks: GramBlocks, groups: Indices, moving: Indices, counted: Indices
+    ) -> None:
         self.all = blocks
-        # One cell of the rows that count.
-        self.counted = blocks.merged(counted - 1)
+        # One cell of the rows in motion.
+        self.moving = blocks.merged(moving - 1)
         used = [np.where(counted, group, -1) for group in groups]
         self.parts = [
             (blocks.merged(group), blocks.merged(some))
@@ -240,7 +242,7 @@ class ScoreSearch:
             total = blocks if total is None else total + blocks
         if total is None:
             raise InputError("needs at least one record")
-        return CandidateBlocks(total, keys[:-1], counted)
+        return CandidateBlocks(total, keys[:-1], keys[-1], counted)
 
     def _labels(self, samples: Samples, recording: int) -> Indices:
         """(K, n N) groups of each row in each partition, and whether its joint moves."""
@@ -258,7 +260,7 @@ class ScoreSearch:
         moving = moves.T.astype(np.intp).ravel()
         which = np.full(n * count, recording)
         if not self.anywhere:
-            return np.stack([np.tile(stretches(count), n), which, np.ones_like(which)])
+            return np.stack([np.tile(stretches(count), n), which, moving])
         fine, coarse = (np.tile(self.regions.labels(q, k), n) for k in (0, 1))
         return np.stack([fine, coarse, which, moving])
 
