@@ -136,6 +136,12 @@ def test_best_finds_how_late_all_torques_are() -> None:
     np.testing.assert_allclose(estimate.settings.delays_s, late / 125, atol=LATE, rtol=0)
 
 
+def test_recordings_of_two_rates_have_no_delays_of_half_a_sample() -> None:
+    slow, fast = recording(7), recording(8, rate=250.0)
+    for records in ((slow, fast), (fast, slow)):
+        assert fitted(*records, settings=IdentifySettings()).settings.delays_s is None
+
+
 def test_best_adds_nothing_to_a_plain_arm() -> None:
     estimate = fitted(recording(8), settings=IdentifySettings())
     assert estimate.model.friction.describe() == "fc,fv,im"

@@ -1,5 +1,6 @@
 """From recorded stamps to a uniform grid; periods and repetitions."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +11,8 @@ UNIFORM_WITHIN = 0.05
 """Stamps within this share of a step of a uniform grid count as uniform."""
 GAP_STEPS = 6
 """A step longer than this many medians is a gap: nothing is invented inside it."""
+SAME_RATE = 1e-3
+"""Share by which rates may differ that count as one."""
 MAX_GROWTH = 4
 """A grid may hold at most this many times the recorded samples."""
 
@@ -118,6 +121,25 @@ def onto(
         torque=linear(t, torque, grid),
         valid=valid,
     )
+
+
+def at_one_rate(recordings: Sequence[UniformSignals]) -> list[UniformSignals]:
+    """Recordings, each on a grid of the fastest one's rate.
+
+    A step in time is then so many whole samples in all of them: a torque between two samples has
+    less noise than one on a sample, which looks like a better fit.
+    """
+    rate = max(signals.rate_hz for signals in recordings)
+    out: list[UniformSignals] = []
+    for signals in recordings:
+        if signals.rate_hz < rate * (1 - SAME_RATE):
+            t = signals.t
+            grid = t[0] + np.arange(int((t[-1] - t[0]) * rate + 1e-6) + 1) / rate
+            between = linear(t, signals.valid[:, None], grid)[:, 0]
+            valid = np.floor(between + 1e-9)
+            signals = onto(grid, rate, t, signals.q, signals.qd, signals.torque, valid)
+        out.append(signals)
+    return out
 
 
 def linear(t: Array, values: Array, grid: Array) -> Array:

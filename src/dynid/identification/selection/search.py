@@ -23,6 +23,7 @@ from dynid.signals import (
     ProcessingSettings,
     TorqueFilter,
     UniformSignals,
+    at_one_rate,
     torque_end,
 )
 
@@ -92,7 +93,9 @@ def select(
         )  # fmt: skip
         late = Delays(taken_s=free.settings.delays_s, std_s=free.delays_std_s)
         settings, delays_are_free = replace(settings, delays_s=late.taken_s), False
-    search = ScoreSearch(robot, frames, recordings, terms, presliding=presliding, purpose=purpose)
+    search = ScoreSearch(
+        robot, frames, at_one_rate(recordings), terms, presliding=presliding, purpose=purpose
+    )
     if delays_are_free and not smoothed:
         tell("delays", 0.0)
         late = measured_delays(search, settings)
