@@ -12,14 +12,13 @@ from pathlib import Path
 from typing import TypeVar, cast
 
 from dynid.core import InputError, RecordError, file_hash, like_named
-from dynid.recording.arrayfiles import read_frame, read_hdf5, read_json, read_npz
+from dynid.recording.arrayfiles import read_frame, read_hdf5, read_json, read_mat, read_npz
 from dynid.recording.columns import parse_columns
 from dynid.recording.content import Budget, located, unreadable
 from dynid.recording.csv import are_one_run, read_csv
 from dynid.recording.formats import FORMATS, content_kind, unpacked
 from dynid.recording.isolation import read_isolated, serve
 from dynid.recording.jointstates import bag_files, read_bag
-from dynid.recording.matlab import read_mat
 from dynid.recording.record import ExperimentRecord, with_gains
 from dynid.recording.repair.pipeline import RepairSettings, repair
 from dynid.recording.store import fitted, partial_path, read_own
