@@ -145,7 +145,7 @@ def _lock(file: int, path: Path) -> None:
 
 KEY = b"dynid"
 """Key of the description in the Parquet schema's metadata."""
-ROWS_A_GROUP = 1 << 17
+ROWS_A_GROUP = 1 << 16
 """Rows that a reader of parts decodes at a time."""
 _FOREIGN = "Import it with: dynid import FILE -o RECORD.parquet"
 
