@@ -15,7 +15,7 @@ from dynid.recording.columns import assign
 from dynid.recording.content import Budget
 from dynid.recording.dialect import Dialect, sniff
 from dynid.recording.grid import Grid, read_grid
-from dynid.recording.names import OTHER, RANK, TARGET, TARGET_OF, parse_name
+from dynid.recording.names import OTHER, TARGET, TARGET_OF, parse_name, quantity_of
 from dynid.recording.table import Mask, RawTable, ReadOptions, rows_with
 
 _FARTHEST = 1.5
@@ -226,23 +226,23 @@ def quantity_word(stem: str) -> str:
     """The words of a file's stem that name a quantity; empty where none or several do."""
     words = [word for word in parse_name(stem.replace(".", "_")).base.split("_") if word]
     whole = "_".join(words)
-    if whole in RANK:
+    if quantity_of(whole):
         return whole
     if OTHER & set(words):
         return ""
     # A single letter beside other words is too little to tell by.
     found = [
-        (j - i, "_".join(words[i:j]))
+        (j - i, text, meaning[0])
         for i in range(len(words))
         for j in range(i + 1, len(words) + 1)
-        if "_".join(words[i:j]) in RANK and len("_".join(words[i:j])) > 1
+        for text in ("_".join(words[i:j]),)
+        if len(text) > 1 and (meaning := quantity_of(text))
     ]
-    longest = max((length for length, _ in found), default=0)
-    best = {text for length, text in found if length == longest}
-    if len({RANK[text][0] for text in best}) != 1:
+    best = {item for item in found if item[0] == max(found)[0]}
+    if len({quantity for _, _, quantity in best}) != 1:
         return ""
-    word = min(best)
-    asked = TARGET & set(words) and RANK[word][0] in TARGET_OF
+    _, word, quantity = min(best)
+    asked = TARGET & set(words) and quantity in TARGET_OF
     return f"desired_{word}" if asked and not word.startswith("desired") else word
 
 
