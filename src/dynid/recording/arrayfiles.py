@@ -21,7 +21,7 @@ import numpy as np
 
 from dynid.core import Array, MissingExtraError, RecordError, parse_json, printable, require
 from dynid.recording.columns import assign
-from dynid.recording.content import Budget, all_bytes, refused
+from dynid.recording.content import Budget, all_bytes, first_bytes, refused
 from dynid.recording.table import RawTable, ReadOptions
 from dynid.recording.variables import numbers_of, table_of
 
@@ -53,9 +53,7 @@ def read_frame(files: list[Path], options: ReadOptions, budget: Budget) -> RawTa
 
 
 def _load(path: Path, budget: Budget) -> Any:
-    with path.open("rb") as stream:
-        arrow = stream.read(6) == b"ARROW1"
-    if arrow:
+    if first_bytes(path, 6) == b"ARROW1":
         return importlib.import_module("pyarrow.feather").read_table(path, memory_map=False)
     parquet = importlib.import_module("pyarrow.parquet")
     facts = parquet.read_metadata(path)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dynid.core import RecordError
 from dynid.recording.cells import count, is_missing, is_name, is_number, is_stamp, split
-from dynid.recording.content import unreadable
+from dynid.recording.content import first_bytes, unreadable
 from dynid.recording.units import is_unit
 
 MAX_LINE = 1 << 20
@@ -252,8 +252,7 @@ def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
     Raises:
         RecordError: There are no rows of numbers, or far too many columns.
     """
-    with path.open("rb") as stream:
-        encoding = _encoding_of(stream.read(SNIFFED))
+    encoding = _encoding_of(first_bytes(path, SNIFFED))
     written = _first_lines(path, encoding, _SAMPLE)
     given = _delimiter_of(delimiter)
     # A title or a header may have brackets as well: most lines must have lists.

@@ -14,7 +14,7 @@ from typing import TypeVar, cast
 from dynid.core import InputError, RecordError, file_hash, like_named
 from dynid.recording.arrayfiles import read_frame, read_hdf5, read_json, read_mat, read_npz
 from dynid.recording.columns import parse_columns
-from dynid.recording.content import Budget, located, unreadable
+from dynid.recording.content import Budget, first_bytes, located, unreadable
 from dynid.recording.csv import are_one_run, read_csv
 from dynid.recording.formats import FORMATS, content_kind, unpacked
 from dynid.recording.isolation import read_isolated, serve
@@ -393,8 +393,7 @@ def _refuse_results(path: Path) -> None:
     """Say of a design or an estimate what it is, before anyone asks for its robot."""
     if path.suffix.lower() != ".json" or not path.is_file():
         return
-    with path.open("rb") as stream:
-        head = stream.read(_HEAD)
+    head = first_bytes(path, _HEAD)
     for mark, kind in _RESULTS.items():
         if mark in head:
             raise RecordError(

@@ -31,7 +31,7 @@ from dynid.core import (
     parse_json,
     require_absent,
 )
-from dynid.recording.content import refused, unreadable
+from dynid.recording.content import first_bytes, refused, unreadable
 from dynid.recording.record import (
     UNITS,
     VERSION,
@@ -60,8 +60,7 @@ def read_partial(path: Path) -> str:
 
 def is_partial(path: Path) -> bool:
     """Whether a file is a recording in progress, by its first bytes."""
-    with path.open("rb") as stream:
-        return stream.read(len(MARK)) == MARK
+    return first_bytes(path, len(MARK)) == MARK
 
 
 def pack(kind: bytes, payload: bytes) -> bytes:
