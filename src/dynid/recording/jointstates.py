@@ -191,9 +191,7 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     if not {*TORQUE_SOURCES} & {*signals} and {*TORQUE_SOURCES} & {*mapping}:
         rest = [f"{item.name} ({item.kind})" for item in catalog.topics.values()]
         rest = sorted(text for text in rest if text.partition(" ")[0] != chosen)[:10]
-        others = (
-            f", or choose it with --topic, of {printable(', '.join(rest), 500)}" if rest else ""
-        )
+        others = printable(", ".join(rest), 500)
         raise RecordError(
             f"there is neither current nor effort: no message of {chosen} has efforts",
             next_step="Record the topic that has them"
