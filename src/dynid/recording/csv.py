@@ -319,9 +319,12 @@ def read_csv(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
         channels={name: values[:, position[k]] for k, name in extras.items()},
         reported=pasted.reported,
     )
+    # Joint names that stand beside the values, as `rostopic echo -p` writes them.
+    beside = sheets[0].dialect.joint_names if len(sheets) == 1 else ()
+    whole = len(beside) == len({*beside}) == len(found.columns["q"])
     return replace(
         table,
-        joint_names=table.joint_names or _named_in_rows(sheets, len(found.columns["q"])),
+        joint_names=table.joint_names or (beside if whole else ()),
         notices=(*table.notices, *pasted.notices),
         notes=(*notes, *table.notes),
     )
@@ -330,12 +333,6 @@ def read_csv(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
 def _says_anything(names: tuple[str, ...] | None) -> bool:
     """Whether some column's name is one of a quantity."""
     return names is not None and any(parse_name(name).meaning for name in names)
-
-
-def _named_in_rows(sheets: list[Sheet], joints: int) -> tuple[str, ...]:
-    """Joint names that stand beside the values, as `rostopic echo -p` writes them."""
-    names = sheets[0].dialect.joint_names if len(sheets) == 1 else ()
-    return names if len(names) == joints and len(set(names)) == joints else ()
 
 
 def _all_names(sheets: list[Sheet]) -> tuple[str, ...] | None:

@@ -94,19 +94,16 @@ def local_files(places: Sequence[str | Path]) -> Generator[list[str | Path]]:
         yield list(places)
         return
     with tempfile.TemporaryDirectory(prefix="dynid-") as folder:
-        yield [
-            _copied(str(place), Path(folder) / str(k)) if is_url(place) else place
-            for k, place in enumerate(places)
-        ]
-
-
-def _copied(url: str, folder: Path) -> Path:
-    store, path = _store(url)
-    target = folder / PurePosixPath(path).name
-    folder.mkdir()
-    with refused("the object cannot be read", where=url):
-        store.get_file(path, str(target))
-    return target
+        local = list(places)
+        for k, url in enumerate(map(str, places)):
+            if is_url(url):
+                store, path = _store(url)
+                target = Path(folder) / str(k) / PurePosixPath(path).name
+                target.parent.mkdir()
+                with refused("the object cannot be read", where=url):
+                    store.get_file(path, str(target))
+                local[k] = target
+        yield local
 
 
 def _store(url: str) -> tuple[Any, str]:

@@ -277,6 +277,10 @@ def repair(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
         return _record(table, settings)
 
 
+_LEAST_TICK = 1e-12
+"""A microsecond in days is ten times as much."""
+
+
 def _number_rows(table: RawTable) -> RawTable:
     return replace(table, index=np.arange(table.samples, dtype=np.int64))
 
@@ -284,7 +288,16 @@ def _number_rows(table: RawTable) -> RawTable:
 def _start_clock(table: RawTable, rate_hz: float | None) -> RawTable:
     """Count time by rows, before any row is lost, where there are no stamps."""
     if table.t is not None:
-        _require_ticks(table)
+        with np.errstate(invalid="ignore", over="ignore"):
+            steps = np.abs(np.diff(table.stamps))
+        steps = steps[np.isfinite(steps) & (steps > 0)]
+        if len(steps) and float(np.median(steps)) < _LEAST_TICK:
+            raise RecordError(
+                "the time stamps hardly increase",
+                value=f"{float(np.median(steps)):.3g} a row",
+                limit=f"{_LEAST_TICK:g} at least, in any unit",
+                next_step="Check the column of time, or leave it out and pass --rate.",
+            )
         return table
     if rate_hz is None:
         raise RecordError(
@@ -293,24 +306,6 @@ def _start_clock(table: RawTable, rate_hz: float | None) -> RawTable:
         )
     t = np.arange(table.samples, dtype=np.float64) / rate_hz
     return replace(table, t=t, time_scale=1.0, t0="0.0", clock="rate")
-
-
-_LEAST_TICK = 1e-12
-"""A microsecond in days is ten times as much."""
-
-
-def _require_ticks(table: RawTable) -> None:
-    """Refuse a column of time that hardly moves, in whatever unit."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        steps = np.abs(np.diff(table.stamps))
-    steps = steps[np.isfinite(steps) & (steps > 0)]
-    if len(steps) and float(np.median(steps)) < _LEAST_TICK:
-        raise RecordError(
-            "the time stamps hardly increase",
-            value=f"{float(np.median(steps)):.3g} a row",
-            limit=f"{_LEAST_TICK:g} at least, in any unit",
-            next_step="Check the column of time, or leave it out and pass --rate.",
-        )
 
 
 def _require_rows(table: RawTable) -> RawTable:
