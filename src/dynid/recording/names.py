@@ -146,6 +146,11 @@ class Name:
         return "stamp" if words[-1] == "stamp" and "header" in words else ""
 
     @property
+    def quantity(self) -> str:
+        """The quantity; empty for anything else."""
+        return self.meaning[0] if self.meaning else ""
+
+    @property
     def meaning(self) -> tuple[str, int] | None:
         """The quantity and the name's rank among its names; None for anything else.
 
@@ -233,17 +238,14 @@ def split_joint(text: str) -> Name | None:
     name, _, unit, _ = _brackets(_plain(text))
     parts = [part for part in re.split(r"[/.]", name) if part.strip()]
     words = _joined(parts[-1]).split("_") if parts else []
-    for k in range(1, len(words)):
-        tail = "_".join(words[k:])
+    count = len(words)
+    splits = [(words[k:], words[:k], words[k]) for k in range(1, count)]
+    splits += [(words[:k], words[k:], words[k - 1]) for k in range(count - 1, 0, -1)]
+    for said, joint, beside in splits:
         # `elbow_joint_position` is the position of `elbow_joint`.
-        own = words[k] in PLAIN - MEASURED
-        if quantity_of(tail) and not own and not _QUALIFIERS & {*words[:k]}:
-            return _name(tail, parts[:-1], joint="_".join(words[:k]), unit=unit)
-    for k in range(len(words) - 1, 0, -1):
-        head = "_".join(words[:k])
-        own = words[k - 1] in PLAIN - MEASURED or words[k].isdecimal()
-        if quantity_of(head) and not own and not _QUALIFIERS & {*words[k:]}:
-            return _name(head, parts[:-1], joint="_".join(words[k:]), unit=unit)
+        own = beside in PLAIN - MEASURED or joint[0].isdecimal() or _QUALIFIERS & {*joint}
+        if not own and quantity_of("_".join(said)):
+            return _name("_".join(said), parts[:-1], joint="_".join(joint), unit=unit)
     return None
 
 
