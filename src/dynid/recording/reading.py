@@ -48,9 +48,7 @@ def _given_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
         try:
             size = file.stat().st_size
         except (OSError, ValueError) as error:
-            raise RecordError(
-                "there is no such file", where=str(file), next_step=like_named(file)
-            ) from error
+            raise _missing(file) from error
         if file.is_dir():
             if len(files) > 1:
                 raise RecordError("a folder cannot stand beside other files", where=str(file))
@@ -60,6 +58,11 @@ def _given_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
         if size == 0:
             raise RecordError("the file is empty", where=str(file))
     return files
+
+
+def _missing(path: str | Path) -> RecordError:
+    step = like_named(Path(path))
+    return RecordError("there is no such file", where=str(path), next_step=step)
 
 
 def _in_folder(folder: Path) -> list[Path]:
@@ -216,9 +219,7 @@ def read_record(path: str | Path) -> ExperimentRecord:
     if not os.path.exists(file):
         file = partial_path(file)
     if not os.path.isfile(file):
-        raise RecordError(
-            "there is no such file", where=str(path), next_step=like_named(Path(path))
-        )
+        raise _missing(path)
     found = read_isolated([file], ReadOptions(format=OWN))
     if not isinstance(found, ExperimentRecord):
         raise RecordError("this is no dynid recording", where=str(path))
@@ -376,9 +377,7 @@ def remembered_robot(path: str | Path) -> tuple[str | None, str | None]:
     """
     # os.path says False where Path raises, as for names that no file can have.
     if not os.path.exists(path) and not os.path.isfile(f"{path}.partial"):
-        raise RecordError(
-            "there is no such file", where=str(path), next_step=like_named(Path(path))
-        )
+        raise _missing(path)
     _refuse_results(Path(path))
     if stored_rows(Path(path)) > LONG:
         metadata = open_stored(path).metadata
