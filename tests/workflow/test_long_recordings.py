@@ -64,7 +64,7 @@ def short_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(long_module, "CHOOSING_ROWS", 5400)
     monkeypatch.setattr(long_module, "FEWEST_PIECES", 3)
     monkeypatch.setattr(long_module, "LOOKED_AT_ROWS", 2000)
-    monkeypatch.setattr("dynid.recording.stored.BATCH", 4096)
+    monkeypatch.setattr("dynid.recording.store.ROWS_A_GROUP", 4096)
     monkeypatch.setattr("dynid.workflow.choosing.LONG_RECORD", 0)
 
 
@@ -283,7 +283,7 @@ def test_row_groups_let_parts_be_read(tmp_path: Path) -> None:
     q = np.cumsum(np.ones((rows, 2)), axis=0)
     record = ExperimentRecord(t=np.arange(rows) / 500.0, signals={"q": q, "effort": -q})
     dynid.write_record(record, tmp_path / "a.parquet")
-    assert pq.read_metadata(tmp_path / "a.parquet").num_row_groups == 2
+    assert pq.read_metadata(tmp_path / "a.parquet").num_row_groups == 35
     with pytest.raises(RecordError, match="2 joints"):
         open_stored(tmp_path / "a.parquet", UR5)
     source = open_stored(tmp_path / "a.parquet")

@@ -18,7 +18,6 @@ from dynid.core.errors import like_named as like_named
 from dynid.core.errors import printable as printable
 from dynid.core.errors import require as require
 from dynid.core.files import Provenance as Provenance
-from dynid.core.files import cannot_write as cannot_write
 from dynid.core.files import content_hash as content_hash
 from dynid.core.files import dynid_version as dynid_version
 from dynid.core.files import file_behind as file_behind

@@ -11,7 +11,7 @@ import shutil
 import sqlite3
 import struct
 import tempfile
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -195,39 +195,55 @@ def _is_short(path: Path) -> bool:
 
 
 @dataclass(slots=True)
-class _Mcap:
-    """What was read of an MCAP file so far."""
+class _Reading:
+    """What was read of an MCAP file or a ROS 1 bag so far."""
 
     catalog: Catalog
+    topics: dict[int, str] = field(default_factory=dict[int, str])
+    """Channel or connection to topic; empty where it is not wanted."""
     schemas: dict[int, Any] = field(default_factory=dict[int, Any])
-    channels: dict[int, str] = field(default_factory=dict[int, str])
-    """Channel to topic, of those that are wanted."""
+    expected: int = 0
+    """Chunks that a bag's own header counts; 0 where the recorder was killed."""
+    chunks: int = 0
+    damaged: int = 0
+    cut: bool = False
 
-    def messages(self, records: Iterator[Any]) -> Iterator[Message]:
-        """The wanted messages among records, whose schemas and channels are remembered."""
-        for record in records:
-            kind = type(record).__name__
-            if kind == "Schema":
-                self.schemas.setdefault(record.id, record)
-            elif kind == "Channel" and record.id not in self.channels:
-                topic = self._topic(record)
-                self.channels[record.id] = topic.name if self.catalog.add(topic) else ""
-            elif kind == "Message":
-                topic = self.channels.get(record.channel_id)
-                if topic and record.log_time < 1 << 62:
-                    yield topic, record.log_time, record.data
+    def add(self, number: int, topic: Topic) -> None:
+        """Take a channel or connection in."""
+        self.topics[number] = topic.name if self.catalog.add(topic) else ""
 
-    def _topic(self, channel: Any) -> Topic:
-        schema = self.schemas.get(channel.schema_id)
-        language = schema.encoding if schema else ""
-        known = language in DEFINITION_LANGUAGES
-        return Topic(
-            name=channel.topic,
-            kind=schema.name if schema else "unknown",
-            encoding=channel.message_encoding,
-            definition=schema.data.decode(errors="replace") if schema and known else "",
-            language=language,
-        )
+    def report(self, path: Path) -> None:
+        """Tell of damage."""
+        if self.damaged:
+            text = f"{self.damaged} damaged pieces of {path.name} are left out"
+            self.catalog.report("corrupt_rows", text)
+        if self.cut:
+            text = f"{path.name} is cut off; what precedes the cut is taken"
+            self.catalog.report("truncated_file", text)
+
+
+def _mcap_records(records: Iterable[Any], state: _Reading) -> Iterator[Message]:
+    """The wanted messages among records, whose schemas and channels are remembered."""
+    for record in records:
+        kind = type(record).__name__
+        if kind == "Schema":
+            state.schemas.setdefault(record.id, record)
+        elif kind == "Channel" and record.id not in state.topics:
+            schema = state.schemas.get(record.schema_id)
+            language = schema.encoding if schema else ""
+            known = language in DEFINITION_LANGUAGES
+            topic = Topic(
+                name=record.topic,
+                kind=schema.name if schema else "unknown",
+                encoding=record.message_encoding,
+                definition=schema.data.decode(errors="replace") if schema and known else "",
+                language=language,
+            )
+            state.add(record.id, topic)
+        elif kind == "Message":
+            topic = state.topics.get(record.channel_id)
+            if topic and record.log_time < 1 << 62:
+                yield topic, record.log_time, record.data
 
 
 def mcap_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
@@ -239,9 +255,7 @@ def mcap_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
     """
     library = require("mcap.stream_reader", "ros")
     failures = (require("mcap.exceptions", "ros").McapError, ValueError, struct.error)
-    state = _Mcap(catalog)
-    chunks = damaged = 0
-    ended = False
+    state = _Reading(catalog, cut=True)
     try:
         with path.open("rb") as stream:
             reader = library.StreamReader(stream, emit_chunks=True, record_size_limit=MAX_BYTES)
@@ -250,63 +264,45 @@ def mcap_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
                 for record in reader.records:
                     place = stream.tell()
                     kind = type(record).__name__
-                    ended = ended or kind in ("DataEnd", "Footer")
-                    if ended:
+                    if kind in ("DataEnd", "Footer"):
+                        state.cut = False
                         break
                     if kind != "Chunk":
-                        yield from state.messages(iter([record]))
+                        yield from _mcap_records([record], state)
                         continue
-                    chunks += 1
                     try:
                         # Inflated here, where what comes out is bounded.
                         data = inflate(record.data, record.compression, record.uncompressed_size)
                         plain = replace(record, data=data, compression="")
                         inner = library.breakup_chunk(plain, validate_crc=True)
                     except (*failures, InflateError):
-                        damaged += 1
+                        state.damaged += 1
                         continue
-                    yield from state.messages(iter(inner))
-            if not ended:
+                    yield from _mcap_records(inner, state)
+            if state.cut:
                 stream.seek(place)
                 with suppress(*failures, InflateError):
                     inner = _cut_chunk(stream.read(MAX_BYTES), library)
-                    yield from state.messages(inner)
+                    yield from _mcap_records(inner, state)
     except OSError as error:
         raise unreadable(path, error) from error
-    if damaged:
-        catalog.report(
-            "corrupt_rows", f"{damaged} of {chunks} chunks of {path.name} are damaged and left out"
-        )
-    if not ended:
-        catalog.report("truncated_file", f"{path.name} is cut off; what precedes the cut is taken")
+    state.report(path)
 
 
-def _cut_chunk(data: bytes, library: Any) -> Iterator[Any]:
+def _cut_chunk(data: bytes, library: Any) -> Iterable[Any]:
     """The records of the MCAP chunk in which a file is cut off, of what is there."""
     if not data.startswith(b"\x06"):
-        return iter(())
+        return ()
     # Opcode and length, times, size and checksum, before the name of the compression.
     (named,) = struct.unpack_from("<I", data, 37)
     packed = data[49 + named :]
     plain = inflate(packed, data[41 : 41 + named].decode())
-    return iter(library.StreamReader(io.BytesIO(plain), skip_magic=True).records)
+    return library.StreamReader(io.BytesIO(plain), skip_magic=True).records
 
 
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
 _MESSAGE, _CHUNK, _CONNECTION = 0x02, 0x05, 0x07
 _BAG_HEADER = b"\x03"
-
-
-@dataclass(slots=True)
-class _State:
-    catalog: Catalog
-    connections: dict[int, str] = field(default_factory=dict[int, str])
-    """Connection to topic, of those that are wanted."""
-    expected: int = 0
-    """Chunks that the bag's own header counts; 0 where the recorder was killed."""
-    chunks: int = 0
-    damaged: int = 0
-    cut: bool = False
 
 
 def ros1_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
@@ -324,7 +320,7 @@ def ros1_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
         RecordError: The file cannot be read.
         MissingExtraError: A bag compressed by lz4 without the decompressor.
     """
-    state = _State(catalog)
+    state = _Reading(catalog)
     try:
         with path.open("rb") as stream:
             size = path.stat().st_size
@@ -333,15 +329,10 @@ def ros1_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
     except OSError as error:
         raise unreadable(path, error) from error
     state.cut |= state.chunks < state.expected
-    if state.damaged:
-        catalog.report(
-            "corrupt_rows", f"{state.damaged} damaged pieces of {path.name} are left out"
-        )
-    if state.cut:
-        catalog.report("truncated_file", f"{path.name} is cut off; what precedes the cut is taken")
+    state.report(path)
 
 
-def _records(stream: BinaryIO, size: int, state: _State) -> Iterator[Message]:
+def _records(stream: BinaryIO, size: int, state: _Reading) -> Iterator[Message]:
     while start := stream.read(4):
         length = struct.unpack("<I", start)[0] if len(start) == 4 else MAX_BYTES + 1
         header = stream.read(min(length, size))
@@ -364,12 +355,12 @@ def _records(stream: BinaryIO, size: int, state: _State) -> Iterator[Message]:
             stream.seek(count, 1)
 
 
-def _record(fields: dict[bytes, bytes], data: bytes, state: _State) -> Iterator[Message]:
+def _record(fields: dict[bytes, bytes], data: bytes, state: _Reading) -> Iterator[Message]:
     operation = fields[b"op"][0]
     try:
         if operation == _CONNECTION:
             (number,) = struct.unpack("<I", fields[b"conn"])
-            if number in state.connections:
+            if number in state.topics:
                 return
             inner = _fields(data)
             topic = Topic(
@@ -379,11 +370,11 @@ def _record(fields: dict[bytes, bytes], data: bytes, state: _State) -> Iterator[
                 language="ros1msg",
                 definition=inner.get(b"message_definition", b"").decode(errors="replace"),
             )
-            state.connections[number] = topic.name if state.catalog.add(topic) else ""
+            state.add(number, topic)
         elif operation == _MESSAGE:
             (number,) = struct.unpack("<I", fields[b"conn"])
             seconds, nanoseconds = struct.unpack("<II", fields[b"time"])
-            if topic := state.connections.get(number):
+            if topic := state.topics.get(number):
                 yield topic, seconds * 1_000_000_000 + nanoseconds, data
         elif operation == _CHUNK:
             state.chunks += 1
@@ -392,7 +383,7 @@ def _record(fields: dict[bytes, bytes], data: bytes, state: _State) -> Iterator[
         state.damaged += 1
 
 
-def _chunk(fields: dict[bytes, bytes], data: bytes, state: _State) -> Iterator[Message]:
+def _chunk(fields: dict[bytes, bytes], data: bytes, state: _Reading) -> Iterator[Message]:
     (size,) = struct.unpack("<I", fields[b"size"])
     method = fields[b"compression"].decode(errors="replace")
     # Of the chunk in which the file is cut off, what is there.

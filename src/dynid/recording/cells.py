@@ -8,15 +8,21 @@ import numpy as np
 
 from dynid.core import Array
 
-_CLOCK = r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,:]\d+)?))?(?:\s*([ap])\.?m\.?)?"
-_TIME = re.compile(_CLOCK, re.IGNORECASE)
-_ISO = re.compile(
-    rf"(\d{{4}})[-/.](\d{{1,2}})[-/.](\d{{1,2}})[T_\s]+{_CLOCK}\s*(Z|UTC|[+-]\d{{2}}:?\d{{2}})?",
-    re.IGNORECASE,
+_CLOCK = (
+    r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2}(?:[.,:]\d+)?))?"
+    r"(?:\s*(?P<half>[ap])\.?m\.?)?\s*(?P<zone>Z|UTC|[+-]\d{2}:?\d{2})?"
 )
-_DAY_FIRST = re.compile(rf"(\d{{1,2}})\.(\d{{1,2}})\.(\d{{4}})[T_,\s]+{_CLOCK}", re.IGNORECASE)
-_MONTH_FIRST = re.compile(rf"(\d{{1,2}})/(\d{{1,2}})/(\d{{4}})[,\s]+{_CLOCK}", re.IGNORECASE)
-"""Taken with AM or PM alone: of other dates with slashes nobody knows which comes first."""
+_FORMS = tuple(
+    (re.compile(form + _CLOCK, re.IGNORECASE), needed)
+    for form, needed in (
+        (r"(?P<year>\d{4})[-/.](?P<month>\d{1,2})[-/.](?P<day>\d{1,2})[T_\s]+", "hour"),
+        (r"(?P<day>\d{1,2})\.(?P<month>\d{1,2})\.(?P<year>\d{4})[T_,\s]+", "hour"),
+        # Of other dates with slashes nobody knows which comes first.
+        (r"(?P<month>\d{1,2})/(?P<day>\d{1,2})/(?P<year>\d{4})[,\s]+", "half"),
+        ("", "second"),
+    )
+)
+"""Dates with a time, and times of day; and the part that each must have."""
 _DAY = 86400.0
 
 
@@ -31,18 +37,22 @@ def stamp(cell: str) -> float:
         ValueError: The cell is none of them.
     """
     text = cell.strip().strip("\"'").strip()
-    if match := _ISO.fullmatch(text):
-        year, month, day, *clock, zone = match.groups()
-        return _epoch(year, month, day) + _of_day(clock) - _zone(zone)
-    if match := _DAY_FIRST.fullmatch(text):
-        day, month, year, *clock = match.groups()
-        return _epoch(year, month, day) + _of_day(clock)
-    if (match := _MONTH_FIRST.fullmatch(text)) and match.group(7):
-        month, day, year, *clock = match.groups()
-        return _epoch(year, month, day) + _of_day(clock)
-    if (match := _TIME.fullmatch(text)) and match.group(3):
-        return _of_day(list(match.groups()))
-    raise ValueError(cell)
+    matches = ((form.fullmatch(text), needed) for form, needed in _FORMS)
+    part = next((m.groupdict("") for m, needed in matches if m and m[needed]), None)
+    if part is None:
+        raise ValueError(cell)
+    days, hours = 0, int(part["hour"])
+    if "year" in part:
+        days = date(*(int(part[name]) for name in ("year", "month", "day"))).toordinal() - 719163
+    if part["half"]:
+        hours = hours % 12 + 12 * (part["half"] in "pP")
+    # 12:00:00:123 has milliseconds behind its last colon.
+    whole, _, rest = re.sub("[,:]", ".", part["second"] or "0").partition(".")
+    east, zone = 0, part["zone"]
+    if zone[:1] in ("+", "-"):
+        east = int(f"{zone[0]}1") * (60 * int(zone[1:3]) + int(zone[-2:]))
+    minutes = 60 * hours + int(part["minute"]) - east
+    return days * _DAY + 60.0 * minutes + float(f"{whole}.{rest or 0}")
 
 
 def is_stamp(cell: str) -> bool:
@@ -64,26 +74,6 @@ def past_midnight(t: Array) -> Array:
     days = np.zeros(len(t))
     days[np.flatnonzero(there)[1:]] = np.diff(t[there]) < -0.9 * _DAY
     return t + _DAY * np.cumsum(days)
-
-
-def _epoch(year: str, month: str, day: str) -> float:
-    return (date(int(year), int(month), int(day)).toordinal() - 719163) * _DAY
-
-
-def _of_day(clock: list[str | None]) -> float:
-    hours, minutes, seconds, half = (part or "0" for part in clock)
-    if half != "0":
-        hours = int(hours) % 12 + 12 * (half in "pP")
-    # 12:00:00:123 has milliseconds behind its last colon.
-    whole, _, rest = re.sub("[,:]", ".", seconds).partition(".")
-    return int(hours) * 3600.0 + int(minutes) * 60.0 + float(f"{whole}.{rest or 0}")
-
-
-def _zone(zone: str | None) -> float:
-    if not zone or zone[0] not in "+-":
-        return 0.0
-    seconds = int(zone[1:3]) * 3600.0 + int(zone[-2:]) * 60.0
-    return seconds if zone[0] == "+" else -seconds
 
 
 _MISSING = frozenset(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -77,12 +78,8 @@ def _stem(name: Name) -> tuple[str, str]:
 
 def _shared(one: str, other: str) -> int:
     """How many parts two paths have in common from their start."""
-    count = 0
-    for a, b in zip(filter(None, one.split(".")), filter(None, other.split(".")), strict=False):
-        if a != b:
-            break
-        count += 1
-    return count
+    pairs = zip(one.split("."), other.split("."), strict=False)
+    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
 
 
 def stamps_of(

@@ -5,6 +5,7 @@ Files of one run stand side by side row by row, or each has a clock of its own.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from dynid.recording.columns import assign
 from dynid.recording.content import Budget
 from dynid.recording.dialect import Dialect, sniff
 from dynid.recording.grid import Grid, read_grid
-from dynid.recording.names import OTHER, RANK, TARGET, TARGET_OF, parse_name
+from dynid.recording.names import OTHER, TARGET, TARGET_OF, parse_name, quantity_of
 from dynid.recording.table import Mask, RawTable, ReadOptions, rows_with
 
 _FARTHEST = 1.5
@@ -62,20 +63,18 @@ def lay_side_by_side(dialects: list[Dialect], joints: int | None = None) -> list
     """
     if len(dialects) == 1:
         return [Sheet(dialect=dialects[0], first=0, width=dialects[0].width)]
-    single = {k: read_grid(d, [0]) for k, d in enumerate(dialects) if d.width == 1}
     # A table with several columns has as many rows as it has lines: it sets the length too.
-    lengths = [len(grid.rows) for grid in single.values()]
-    lengths += [
-        len(read_grid(d, [0]).rows) for k, d in enumerate(dialects) if single and k not in single
-    ]
+    wanted = dialects if any(d.width == 1 for d in dialects) else []
+    grids = [read_grid(dialect, [0]) for dialect in wanted]
+    lengths = [len(grid.rows) for grid in grids]
     shortest = min(lengths, default=0)
-    if joints and len(single) == len(dialects) and len(dialects) % joints:
+    if joints and all(d.width == 1 for d in dialects) and len(dialects) % joints:
         even = len(set(lengths)) == 1 and lengths[0] % joints == 0
         shortest = lengths[0] // joints if even else shortest
     sheets: list[Sheet] = []
     first = 0
     for k, dialect in enumerate(dialects):
-        width, numbers = dialect.width, single.get(k)
+        width, numbers = dialect.width, grids[k] if dialect.width == 1 else None
         if numbers is not None:
             width, rest = divmod(len(numbers.rows), shortest)
             if rest:
@@ -135,7 +134,7 @@ def own_clocks(sheets: list[Sheet], names: Sequence[str] | None) -> tuple[int, .
         own = names[sheet.first : sheet.first + sheet.width] if names is not None else ()
         if sheet.numbers is not None or sheet.width < 2 or len(sheets) < 2:
             return ()
-        clocks = [k for k, name in enumerate(own) if (parse_name(name).meaning or ("",))[0] == "t"]
+        clocks = [k for k, name in enumerate(own) if parse_name(name).quantity == "t"]
         if names is None:
             column = read_grid(sheet.dialect, [0]).values[:, 0]
             clocks = [0] if rises(column[np.isfinite(column)]) else []
@@ -198,7 +197,7 @@ def names_by_files(
     names say no quantity, or one that another says as well, are left out: their names are empty.
     """
     words = [quantity_word(file.stem) for file in files]
-    quantities = [(parse_name(word).meaning or ("",))[0] for word in words]
+    quantities = [parse_name(word).quantity for word in words]
     told = [quantities.count(quantity) == 1 and quantity != "" for quantity in quantities]
     if not (any(told) if clocks else all(told)):
         return None
@@ -218,7 +217,7 @@ def names_by_files(
 
 def are_one_run(files: Sequence[Path]) -> bool:
     """Whether files are the signals of one run: their names say positions and torques."""
-    said = {(parse_name(quantity_word(file.stem)).meaning or ("",))[0] for file in files}
+    said = {parse_name(quantity_word(file.stem)).quantity for file in files}
     return "q" in said and bool(said & {"current", "effort"})
 
 
@@ -226,23 +225,22 @@ def quantity_word(stem: str) -> str:
     """The words of a file's stem that name a quantity; empty where none or several do."""
     words = [word for word in parse_name(stem.replace(".", "_")).base.split("_") if word]
     whole = "_".join(words)
-    if whole in RANK:
+    if quantity_of(whole):
         return whole
     if OTHER & set(words):
         return ""
     # A single letter beside other words is too little to tell by.
     found = [
-        (j - i, "_".join(words[i:j]))
-        for i in range(len(words))
-        for j in range(i + 1, len(words) + 1)
-        if "_".join(words[i:j]) in RANK and len("_".join(words[i:j])) > 1
+        (j - i, text, meaning[0])
+        for i, j in combinations(range(len(words) + 1), 2)
+        for text in ("_".join(words[i:j]),)
+        if len(text) > 1 and (meaning := quantity_of(text))
     ]
-    longest = max((length for length, _ in found), default=0)
-    best = {text for length, text in found if length == longest}
-    if len({RANK[text][0] for text in best}) != 1:
+    best = {item for item in found if item[0] == max(found)[0]}
+    if len({quantity for _, _, quantity in best}) != 1:
         return ""
-    word = min(best)
-    asked = TARGET & set(words) and RANK[word][0] in TARGET_OF
+    _, word, quantity = min(best)
+    asked = TARGET & set(words) and quantity in TARGET_OF
     return f"desired_{word}" if asked and not word.startswith("desired") else word
 
 
@@ -319,9 +317,12 @@ def read_csv(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
         channels={name: values[:, position[k]] for k, name in extras.items()},
         reported=pasted.reported,
     )
+    # Joint names that stand beside the values, as `rostopic echo -p` writes them.
+    beside = sheets[0].dialect.joint_names if len(sheets) == 1 else ()
+    whole = len(beside) == len({*beside}) == len(found.columns["q"])
     return replace(
         table,
-        joint_names=table.joint_names or _named_in_rows(sheets, len(found.columns["q"])),
+        joint_names=table.joint_names or (beside if whole else ()),
         notices=(*table.notices, *pasted.notices),
         notes=(*notes, *table.notes),
     )
@@ -330,12 +331,6 @@ def read_csv(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
 def _says_anything(names: tuple[str, ...] | None) -> bool:
     """Whether some column's name is one of a quantity."""
     return names is not None and any(parse_name(name).meaning for name in names)
-
-
-def _named_in_rows(sheets: list[Sheet], joints: int) -> tuple[str, ...]:
-    """Joint names that stand beside the values, as `rostopic echo -p` writes them."""
-    names = sheets[0].dialect.joint_names if len(sheets) == 1 else ()
-    return names if len(names) == joints and len(set(names)) == joints else ()
 
 
 def _all_names(sheets: list[Sheet]) -> tuple[str, ...] | None:
@@ -353,7 +348,7 @@ def _all_names(sheets: list[Sheet]) -> tuple[str, ...] | None:
     for number, names in enumerate(each):
         for name in names:
             before = f"{sheets[number].dialect.path.stem}/" if name in shared else ""
-            if (parse_name(name).meaning or ("",))[0] == "t":
+            if parse_name(name).quantity == "t":
                 before = f"file{number}/" if number > 0 and name in found else ""
             found.append(before + name)
     return tuple(found)

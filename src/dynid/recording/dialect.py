@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dynid.core import RecordError
 from dynid.recording.cells import count, is_missing, is_name, is_number, is_stamp, split
-from dynid.recording.content import unreadable
+from dynid.recording.content import first_bytes, unreadable
 from dynid.recording.units import is_unit
 
 MAX_LINE = 1 << 20
@@ -130,15 +130,9 @@ def flatten(line: str, delimiter: str) -> str:
 
 def _widths(line: str, delimiter: str) -> list[int]:
     """How many numbers or words each cell of a row, as it stands in the file, holds."""
-    counts: list[int] = []
-
-    def mark(match: re.Match[str]) -> str:
-        counts.append(len(_items(match.group(1))))
-        return "\x00"
-
-    cells = split(_LIST.sub(mark, _ARRAY.sub(r"\1", line)), delimiter)
-    sizes = iter(counts)
-    return [next(sizes) if "\x00" in cell else 1 for cell in cells]
+    marked = _LIST.sub(lambda match: f"\0{len(_items(match.group(1)))}", _ARRAY.sub(r"\1", line))
+    counts = (re.search(r"\0(\d+)", cell) for cell in split(marked, delimiter))
+    return [int(found.group(1)) if found else 1 for found in counts]
 
 
 def _spread(names: Sequence[str], sizes: Sequence[int]) -> tuple[str, ...] | None:
@@ -252,13 +246,16 @@ def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
     Raises:
         RecordError: There are no rows of numbers, or far too many columns.
     """
-    with path.open("rb") as stream:
-        encoding = _encoding_of(stream.read(SNIFFED))
+    encoding = _encoding_of(first_bytes(path, SNIFFED))
     written = _first_lines(path, encoding, _SAMPLE)
     given = _delimiter_of(delimiter)
     # A title or a header may have brackets as well: most lines must have lists.
     lists = 2 * sum(map(_has_lists, written[:_SCORED])) > min(len(written), _SCORED)
-    lines = [flatten(line, given or _between_lists(line)) for line in written] if lists else written
+    lines = written
+    if lists:
+        # Between cells of which some are lists semicolon and tab are sure ones.
+        signs = (given or next((sign for sign in ";\t" if sign in line), ",") for line in written)
+        lines = [flatten(line, sign) for line, sign in zip(written, signs, strict=True)]
     best, sign, width = _best(lines[:_SCORED], DELIMITERS if given is None else (given,))
     if width == 0:
         raise RecordError(
@@ -307,24 +304,20 @@ def _best(lines: list[str], delimiters: tuple[str, ...]) -> tuple[str, str, int]
     """Delimiter, decimal sign and width under which the lines hold most numbers."""
     best, sign, width, score = ",", ".", 0, 0
     for delimiter in delimiters:
+        cells = [split(line, delimiter) for line in lines]
         for decimal in (".",) if delimiter == "," else (".", ","):
-            found, points = _score(lines, delimiter, decimal)
+            # The most common width of rows of numbers, and how many numbers those rows hold.
+            widths: Counter[int] = Counter()
+            for row in cells:
+                numbers, present = count(row, decimal)
+                if _is_data(numbers, present):
+                    widths[len(row)] += numbers
+            found, points = widths.most_common(1)[0] if widths else (0, 0)
             if points > score:
                 best, sign, width, score = delimiter, decimal, found, points
             if found > 1 and points >= 0.95 * found * len(lines):
                 return best, sign, width
     return best, sign, width
-
-
-def _score(lines: list[str], delimiter: str, decimal: str) -> tuple[int, int]:
-    """The most common width of rows of numbers, and how many numbers those rows hold."""
-    widths: Counter[int] = Counter()
-    for line in lines:
-        cells = split(line, delimiter)
-        numbers, present = count(cells, decimal)
-        if _is_data(numbers, present):
-            widths[len(cells)] += numbers
-    return widths.most_common(1)[0] if widths else (0, 0)
 
 
 def _is_data(numbers: int, present: int) -> bool:
@@ -355,11 +348,6 @@ def _first_row(
 def _are_units(cells: list[str]) -> bool:
     """Whether a line holds only units, which may stand in brackets or quotes."""
     return all(map(is_unit, filter(None, (cell.strip("\"'[]() ") for cell in cells))))
-
-
-def _between_lists(line: str) -> str:
-    """The delimiter between cells of which some are lists: semicolon and tab are sure ones."""
-    return next((sign for sign in (";", "\t") if sign in line), ",")
 
 
 def _names(

@@ -180,15 +180,10 @@ def content_kind(path: Path) -> str:
         # The oldest pickles have no mark of their own.
         raise RecordError("this is a Python pickle", where=path.name, next_step=_PICKLE)
     if looks_like_text(head):
-        return "json" if _is_json(head) else "csv"
+        start = b"".join(head.removeprefix(b"\xef\xbb\xbf")[:200].split())
+        return "json" if start.startswith((b"{", b"[{", b"[[")) else "csv"
     raise RecordError(
         "this is none of the formats that dynid reads, or its beginning is damaged",
         where=path.name,
         limit="UR logs, CSV, Excel, ROS bags, MCAP, MATLAB, HDF5, NumPy, JSON, Parquet",
     )
-
-
-def _is_json(head: bytes) -> bool:
-    """Whether a text begins as an object, or as a list of objects or of numbers."""
-    start = head.lstrip(b"\xef\xbb\xbf \t\r\n")[:200]
-    return start.startswith(b"{") or b"".join(start.split()).startswith((b"[{", b"[["))

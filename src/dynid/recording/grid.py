@@ -193,7 +193,9 @@ def read_grid(dialect: Dialect, wanted: list[int], soft: frozenset[int] = frozen
             if line.lstrip().startswith(COMMENT):
                 continue
             row = flatten(line, dialect.delimiter) if dialect.lists else line
-            if dialect.joint_cells and _names_others(row, dialect):
+            named = dialect.joint_cells in row
+            if not named and len(split(row, dialect.delimiter)) == dialect.width:
+                # It has other joint names than the first, or in another order.
                 strangers += 1
                 continue
             chunk.append((line_number, row))
@@ -234,8 +236,3 @@ def read_grid(dialect: Dialect, wanted: list[int], soft: frozenset[int] = frozen
         notices=tuple(notices),
         broken=draft.broken,
     )
-
-
-def _names_others(row: str, dialect: Dialect) -> bool:
-    """Whether a whole row has other joint names than the first, or in another order."""
-    return dialect.joint_cells not in row and (len(split(row, dialect.delimiter)) == dialect.width)

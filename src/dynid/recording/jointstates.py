@@ -2,7 +2,7 @@
 
 import itertools
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dynid.core import Array, RecordError, printable
 from dynid.recording import bagfiles
-from dynid.recording.content import Budget
+from dynid.recording.content import Budget, first_bytes
 from dynid.recording.messages import (
     MessageDecoder,
     MessageError,
@@ -92,16 +92,11 @@ def _choose_topic(topics: Mapping[str, _Collector], joints: int) -> str:
     Raises:
         RecordError: Several could be it, as of two arms.
     """
-    ranked = sorted(topics, key=lambda name: (*_standing(name, topics[name], joints), name))
-    best = ranked[-1]
-    first = _standing(best, topics[best], joints)
-    rivals = [
-        name
-        for name in ranked[:-1]
-        if _standing(name, topics[name], joints)[:-1] == first[:-1]
-        and 2 * topics[name].count > topics[best].count
-    ]
-    if rivals and first[0]:
+    standing = {name: _standing(name, item.groups, joints) for name, item in topics.items()}
+    best = max(topics, key=lambda name: (standing[name], topics[name].count, name))
+    many = [name for name, item in topics.items() if 2 * item.count > topics[best].count]
+    rivals = sorted(name for name in many if standing[name] == standing[best] and name != best)
+    if rivals and standing[best][0]:
         raise RecordError(
             f"{1 + len(rivals)} topics can be the robot's state",
             value=[best, *rivals],
@@ -110,18 +105,11 @@ def _choose_topic(topics: Mapping[str, _Collector], joints: int) -> str:
     return best
 
 
-def _standing(name: str, collector: _Collector, joints: int) -> tuple[bool, bool, bool, bool, int]:
-    """Enough joints, measured not asked for, the usual name, and then the most messages."""
-    words = set(re.split(r"[^a-z]+", name.lower()))
-    most = max((len(names) for names in collector.groups), default=0)
-    usual = name.endswith("joint_states")
-    return (
-        most >= max(joints, 1),
-        not words & TARGET,
-        name == "/joint_states",
-        usual,
-        collector.count,
-    )
+def _standing(name: str, groups: Iterable[tuple[str, ...]], joints: int) -> tuple[bool, ...]:
+    """Enough joints, measured not asked for, and the usual name."""
+    enough = max(map(len, groups), default=0) >= max(joints, 1)
+    measured = not TARGET & set(re.split(r"[^a-z]+", name.lower()))
+    return enough, measured, name == "/joint_states", name.endswith("joint_states")
 
 
 _SUFFIXES = (".db3", ".mcap", ".bag", ".db3.zstd", ".mcap.zstd")
@@ -203,13 +191,11 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     if not {*TORQUE_SOURCES} & {*signals} and {*TORQUE_SOURCES} & {*mapping}:
         rest = [f"{item.name} ({item.kind})" for item in catalog.topics.values()]
         rest = sorted(text for text in rest if text.partition(" ")[0] != chosen)[:10]
+        others = printable(", ".join(rest), 500)
         raise RecordError(
             f"there is neither current nor effort: no message of {chosen} has efforts",
             next_step="Record the topic that has them"
-            + (
-                f", or choose it with --topic, of {printable(', '.join(rest), 500)}." * bool(rest)
-                or "."
-            ),
+            + (f", or choose it with --topic, of {others}." if rest else "."),
         )
     return RawTable(
         **clock_facts(times),
@@ -229,8 +215,7 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
 def _messages(paths: Sequence[Path], catalog: bagfiles.Catalog) -> Iterator[bagfiles.Message]:
     """The messages that a catalog wants, of all files of a bag."""
     for path in paths:
-        with path.open("rb") as stream:
-            head = stream.read(16)
+        head = first_bytes(path, 16)
         if head.startswith(bagfiles.MCAP_MAGIC):
             yield from bagfiles.mcap_messages(path, catalog)
         elif head.startswith(bagfiles.ROS1_MAGIC):

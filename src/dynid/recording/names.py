@@ -15,86 +15,49 @@ UR_JOINTS = (
     "wrist_3_joint",
 )
 """Joint names of Universal Robots' ROS drivers, base to tip; their messages sort them by letter."""
-# The first that a file has wins.
+# The first that a file has wins; words around them, as in `actual_joint_position`, need no entry.
 _SYNONYMS: dict[str, str] = {
     "t": (
         "t time timestamp time_stamp stamp timestamps times sec secs second seconds elapsed "
-        "elapsed_time time_s t_s robot_time rostime controller_time rec_time time_cont "
-        "rosbag_timestamp datetime date_time zeit zeitstempel tempo temps ipoc"
+        "elapsed_time time_s t_s rostime controller_time rec_time time_cont rosbag_timestamp "
+        "datetime date_time zeit zeitstempel tempo temps ipoc"
     ),
     "q": (
-        "actual_q q q_act q_actual act_q q_meas q_measured measured_q actual_position "
-        "actual_positions measured_position pos_meas act_pos pos position positions "
-        "joint_position joint_positions jointpos joint_pos joint_angle joint_angles angle "
-        "angles theta qpos measured_joint_position measured_joint_positions "
-        "joint_position_measured joint_position_actual msr_jnt_pos axisqmsr axis_act ai_pos aipos "
-        "act_joint_pos act_jpos jpos joints_position joints_positions link_position q_msr q_mes "
-        "pos_act pos_actual position_actual actual_pos actual_joint_position "
-        "actual_joint_positions actual_angle actual_angles joints_angle qs q_joint "
-        "current_position current_positions current_joint_position current_joint_positions "
-        "current_q current_angle current_angles current_joint_angles qactual f_act_position "
-        "winkel gelenkwinkel"
+        "q pos position positions jointpos angle angles theta qpos axisqmsr axis_act ai_pos aipos "
+        "jpos q_mes qs current_position current_positions current_joint_position "
+        "current_joint_positions current_q current_angle current_angles current_joint_angles "
+        "qactual f_act_position winkel gelenkwinkel"
     ),
     "qd": (
-        "actual_qd qd dq qdot q_dot qd_act qd_actual act_qd dq_act dq_meas qd_meas "
-        "actual_velocity actual_velocities measured_velocity vel_meas act_vel vel velocity "
-        "velocities joint_velocity joint_velocities joint_vel speed joint_speed dtheta qvel "
-        "omega measured_joint_velocity measured_joint_velocities joint_velocity_measured "
-        "joint_velocity_actual qp qdots q_dots jvel joints_velocity joints_velocities "
-        "velocity_actual vel_actual actual_vel actual_joint_velocity actual_joint_velocities "
-        "joint_speeds speeds "
-        "vel_msr dq_msr qdot_measured dotq dot_q qd_measured dq_measured dq_actual qdot_meas "
-        "angular_velocity joint_angular_velocity vels "
-        "current_velocity current_velocities current_joint_velocity current_joint_velocities "
-        "current_qd current_dq current_speed qdactual act_velo f_act_velocity geschwindigkeit"
+        "qd dq qdot q_dot vel velocity velocities speed dtheta qvel omega qp qdots q_dots jvel "
+        "speeds dotq dot_q angular_velocity vels current_velocity current_velocities "
+        "current_joint_velocity current_joint_velocities current_qd current_dq current_speed "
+        "qdactual act_velo f_act_velocity geschwindigkeit"
     ),
-    "qdd": (
-        "qdd ddq qddot q_ddot acc acceleration accelerations joint_acceleration "
-        "joint_accelerations qacc qpp qdd_meas ddq_meas accel acc_act joint_acc"
-    ),
+    "qdd": "qdd ddq qddot q_ddot acc acceleration accelerations qacc qpp accel",
     "current": (
-        "actual_current current currents cur motor_current motor_currents joint_current "
-        "joint_currents act_current i_act i_meas i i_q current_act current_measured "
-        "motor_current_measured measured_current ma_cur macur current_motor current_motors "
-        "cur_act actual_currents actual_motor_current curr_act curr i_actual iactual inst_current "
-        "strom motorstrom"
+        "current currents cur motor_current motor_currents i i_q ma_cur macur current_motor "
+        "current_motors curr iactual inst_current strom motorstrom"
     ),
     "effort": (
-        "tau_j effort efforts torque torques tau joint_torque joint_torques joint_effort "
-        "tau_meas tau_measured tau_act actual_torque actual_torques measured_torque "
-        "measured_torques trq actual_current_as_torque act_torque "
-        "measured_joint_torque measured_joint_torques joint_torque_measured "
-        "joint_effort_measured torque_measured torque_act msr_jnt_trq axis_tau_msr jtor jtorque "
-        "joints_torque joints_torques actual_joint_torque actual_joint_torques actual_effort "
-        "torque_actual trq_act actual_trq tau_msr tau_mes joint_torque_actual taus moment moments "
-        "link_torque link_torques sensor_torque torque_sensor motor_torque motor_torques "
+        "tau_j effort efforts torque torques tau trq actual_current_as_torque jtor jtorque "
+        "tau_mes taus moment moments sensor_torque torque_sensor motor_torque motor_torques "
         "joint_tor f_act_torque drehmoment"
     ),
-    "target_q": (
-        "target_q q_target q_d q_des q_desired desired_q q_ref ref_q q_cmd cmd_q position_cmd "
-        "pos_cmd target_position pos_ref ref_pos desired_position commanded_position "
-        "position_command commanded_joint_position cmd_jnt_pos joint_position_command as_pos aspos "
-        "ipo_jnt_pos joint_position_commanded axisqcmd axisqcmdt1m"
-    ),
-    "target_qd": (
-        "target_qd qd_target dq_d dq_des qd_des qd_desired dq_ref qd_ref dq_cmd qd_cmd "
-        "velocity_cmd vel_cmd target_velocity desired_velocity commanded_velocity"
-    ),
-    "target_qdd": "target_qdd qdd_target ddq_d ddq_des qdd_des qdd_ref ddq_ref",
-    "target_current": "target_current current_target i_target i_des i_d i_ref current_ref",
-    "target_moment": (
-        "target_moment m_target target_torque tau_des tau_d tau_j_d tau_ref tau_cmd torque_cmd "
-        "desired_torque commanded_torque"
-    ),
+    "target_q": "q_d as_pos aspos ipo_jnt_pos axisqcmd axisqcmdt1m",
+    "target_qd": "dq_d",
+    "target_qdd": "ddq_d",
+    "target_current": "i_d",
+    "target_moment": "m_target tau_d tau_j_d",
     "temperature": (
-        "joint_temperatures joint_temperature temperature temperatures temp temps "
-        "motor_temperature motor_temperatures motor_temp temperature_degc temperature_motor"
+        "temperature temperatures temp temps motor_temperature motor_temperatures motor_temp "
+        "temperature_degc temperature_motor"
     ),
 }
 RANK: dict[str, tuple[str, int]] = {
-    word: (quantity, rank)
+    word: (quantity, 2 * place)
     for quantity, words in _SYNONYMS.items()
-    for rank, word in enumerate(words.split())
+    for place, word in enumerate(words.split())
 }
 """Normalised name to its quantity and its rank among the names of that quantity."""
 
@@ -105,9 +68,11 @@ def words_of(text: str) -> frozenset[str]:
 
 
 # Words that say nothing of their own, and words that make a target of a measured quantity.
-PLAIN = words_of(
-    "actual act measured meas msr joint joints jnt arm robot state states link axis feedback fb "
-    "sensed real field log logged logs data history recorded"
+MEASURED = words_of("actual act measured meas msr")
+"""Words that tell a measured quantity from others of its kind."""
+PLAIN = MEASURED | words_of(
+    "joint joints jnt arm robot state states link axis feedback fb sensed real field log logged "
+    "logs data history recorded"
 )
 """Words around a quantity's name that do not change what it is."""
 TARGET = words_of(
@@ -181,6 +146,11 @@ class Name:
         return "stamp" if words[-1] == "stamp" and "header" in words else ""
 
     @property
+    def quantity(self) -> str:
+        """The quantity; empty for anything else."""
+        return self.meaning[0] if self.meaning else ""
+
+    @property
     def meaning(self) -> tuple[str, int] | None:
         """The quantity and the name's rank among its names; None for anything else.
 
@@ -189,7 +159,7 @@ class Name:
         around = {word for part in self.scope.split(".") for word in part.split("_")}
         if around & OTHER:
             return None
-        found = RANK.get(self.base) or _by_words(self.base)
+        found = quantity_of(self.base)
         if found and around & TARGET and found[0] in TARGET_OF:
             return TARGET_OF[found[0]], found[1]
         return found
@@ -268,15 +238,14 @@ def split_joint(text: str) -> Name | None:
     name, _, unit, _ = _brackets(_plain(text))
     parts = [part for part in re.split(r"[/.]", name) if part.strip()]
     words = _joined(parts[-1]).split("_") if parts else []
-    for k in range(1, len(words)):
-        tail = "_".join(words[k:])
+    count = len(words)
+    splits = [(words[k:], words[:k], words[k]) for k in range(1, count)]
+    splits += [(words[:k], words[k:], words[k - 1]) for k in range(count - 1, 0, -1)]
+    for said, joint, beside in splits:
         # `elbow_joint_position` is the position of `elbow_joint`.
-        if tail in RANK and words[k] not in ("joint", "jnt") and not _QUALIFIERS & {*words[:k]}:
-            return _name(tail, parts[:-1], joint="_".join(words[:k]), unit=unit)
-    for k in range(len(words) - 1, 0, -1):
-        head = "_".join(words[:k])
-        if head in RANK and not words[k].isdecimal() and not _QUALIFIERS & {*words[k:]}:
-            return _name(head, parts[:-1], joint="_".join(words[k:]), unit=unit)
+        own = beside in PLAIN - MEASURED or joint[0].isdecimal() or _QUALIFIERS & {*joint}
+        if not own and quantity_of("_".join(said)):
+            return _name("_".join(said), parts[:-1], joint="_".join(joint), unit=unit)
     return None
 
 
@@ -307,7 +276,7 @@ def _index(name: str) -> tuple[str, int | None]:
         return first.group(2), int(first.group(1))
     if within := _INDEX_WITHIN.match(name):
         base = _joined(f"{within.group(1)}_{within.group(3)}")
-        if base in RANK or _unit_at_the_end(Name(base=base)).unit:
+        if quantity_of(base) or _unit_at_the_end(Name(base=base)).unit:
             return base, int(within.group(2))
     if (last := _INDEX_LAST.match(name)) and last.group(1):
         return last.group(1), int(last.group(2))
@@ -316,11 +285,11 @@ def _index(name: str) -> tuple[str, int | None]:
 
 def _unit_at_the_end(name: Name) -> Name:
     words = name.base.split("_")
-    if name.base in RANK:
+    if quantity_of(name.base):
         return name
     for count in (3, 2, 1):
         stem, tail = "_".join(words[:-count]), "_".join(words[-count:])
-        meaning = RANK.get(stem) or _by_words(stem)
+        meaning = quantity_of(stem)
         if meaning is None or (len(tail) == 1 and _ONE_LETTER.get(tail) != meaning[0]):
             continue
         if factor_of(meaning[0], tail) is not None:
@@ -328,8 +297,13 @@ def _unit_at_the_end(name: Name) -> Name:
     return name
 
 
-def _by_words(base: str) -> tuple[str, int] | None:
-    """The meaning of a name with words around it: `robot_actual_q`, `desired_joint_speed`."""
+def quantity_of(base: str) -> tuple[str, int] | None:
+    """The quantity of a name and its rank among the names of it, the smallest being the surest.
+
+    Words may stand around it: `robot_actual_q`, `desired_joint_speed`. None for anything else.
+    """
+    if base in RANK:
+        return RANK[base]
     words = base.split("_")
     target = any(word in TARGET for word in words[1:]) or (words[0] in TARGET and len(words) > 1)
     core = [word for word in words if word not in TARGET]
@@ -343,7 +317,8 @@ def _by_words(base: str) -> tuple[str, int] | None:
     quantity, rank = found
     if target:
         return (TARGET_OF[quantity], rank + 200) if quantity in TARGET_OF else None
-    return quantity, rank + 100
+    # Measured ones first; `joint_torque` goes before `motor_torque`, as `torque` does.
+    return quantity, rank - 200 if MEASURED & {*words} else rank + 1
 
 
 def places_of(wanted: Sequence[str], names: Sequence[str]) -> list[int]:

@@ -12,14 +12,13 @@ from pathlib import Path
 from typing import TypeVar, cast
 
 from dynid.core import InputError, RecordError, file_hash, like_named
-from dynid.recording.arrayfiles import read_frame, read_hdf5, read_json, read_npz
+from dynid.recording.arrayfiles import read_frame, read_hdf5, read_json, read_mat, read_npz
 from dynid.recording.columns import parse_columns
-from dynid.recording.content import Budget, located, unreadable
+from dynid.recording.content import Budget, first_bytes, located, unreadable
 from dynid.recording.csv import are_one_run, read_csv
 from dynid.recording.formats import FORMATS, content_kind, unpacked
 from dynid.recording.isolation import read_isolated, serve
 from dynid.recording.jointstates import bag_files, read_bag
-from dynid.recording.matlab import read_mat
 from dynid.recording.record import ExperimentRecord, with_gains
 from dynid.recording.repair.pipeline import RepairSettings, repair
 from dynid.recording.store import fitted, partial_path, read_own
@@ -49,9 +48,7 @@ def _given_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
         try:
             size = file.stat().st_size
         except (OSError, ValueError) as error:
-            raise RecordError(
-                "there is no such file", where=str(file), next_step=like_named(file)
-            ) from error
+            raise _missing(file) from error
         if file.is_dir():
             if len(files) > 1:
                 raise RecordError("a folder cannot stand beside other files", where=str(file))
@@ -61,6 +58,11 @@ def _given_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
         if size == 0:
             raise RecordError("the file is empty", where=str(file))
     return files
+
+
+def _missing(path: str | Path) -> RecordError:
+    step = like_named(Path(path))
+    return RecordError("there is no such file", where=str(path), next_step=step)
 
 
 def _in_folder(folder: Path) -> list[Path]:
@@ -217,9 +219,7 @@ def read_record(path: str | Path) -> ExperimentRecord:
     if not os.path.exists(file):
         file = partial_path(file)
     if not os.path.isfile(file):
-        raise RecordError(
-            "there is no such file", where=str(path), next_step=like_named(Path(path))
-        )
+        raise _missing(path)
     found = read_isolated([file], ReadOptions(format=OWN))
     if not isinstance(found, ExperimentRecord):
         raise RecordError("this is no dynid recording", where=str(path))
@@ -377,9 +377,7 @@ def remembered_robot(path: str | Path) -> tuple[str | None, str | None]:
     """
     # os.path says False where Path raises, as for names that no file can have.
     if not os.path.exists(path) and not os.path.isfile(f"{path}.partial"):
-        raise RecordError(
-            "there is no such file", where=str(path), next_step=like_named(Path(path))
-        )
+        raise _missing(path)
     _refuse_results(Path(path))
     if stored_rows(Path(path)) > LONG:
         metadata = open_stored(path).metadata
@@ -394,8 +392,7 @@ def _refuse_results(path: Path) -> None:
     """Say of a design or an estimate what it is, before anyone asks for its robot."""
     if path.suffix.lower() != ".json" or not path.is_file():
         return
-    with path.open("rb") as stream:
-        head = stream.read(_HEAD)
+    head = first_bytes(path, _HEAD)
     for mark, kind in _RESULTS.items():
         if mark in head:
             raise RecordError(

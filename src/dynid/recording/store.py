@@ -31,7 +31,7 @@ from dynid.core import (
     parse_json,
     require_absent,
 )
-from dynid.recording.content import refused, unreadable
+from dynid.recording.content import first_bytes, refused, unreadable
 from dynid.recording.record import (
     UNITS,
     VERSION,
@@ -60,8 +60,7 @@ def read_partial(path: Path) -> str:
 
 def is_partial(path: Path) -> bool:
     """Whether a file is a recording in progress, by its first bytes."""
-    with path.open("rb") as stream:
-        return stream.read(len(MARK)) == MARK
+    return first_bytes(path, len(MARK)) == MARK
 
 
 def pack(kind: bytes, payload: bytes) -> bytes:
@@ -145,7 +144,7 @@ def _lock(file: int, path: Path) -> None:
 
 KEY = b"dynid"
 """Key of the description in the Parquet schema's metadata."""
-ROWS_A_GROUP = 1 << 17
+ROWS_A_GROUP = 1 << 16
 """Rows that a reader of parts decodes at a time."""
 _FOREIGN = "Import it with: dynid import FILE -o RECORD.parquet"
 
@@ -164,15 +163,19 @@ def write_record(record: ExperimentRecord, path: str | Path, *, force: bool = Tr
     """
     target = file_behind(Path(path))
     require_absent(target, force=force)
-    names, columns = _columns(record)
+    names = ["t", *column_names(record.signals, record.joints)]
+    for k, name in enumerate(record.channels):
+        names.append(f"channel_{k}" if name in names or not name else name)
+    signals = (column for value in record.signals.values() for column in value.T)
+    columns = [
+        np.ascontiguousarray(column) for column in (record.t, *signals, *record.channels.values())
+    ]
     description: dict[str, Any] = {
         "schema": VERSION,
         "joints": record.joints,
         "quantities": list(record.signals),
         "channels": list(record.channels),
-        "units": {
-            name: unit for name, unit in UNITS.items() if name == "t" or name in record.signals
-        },
+        "units": {name: UNITS[name] for name in ("t", *record.signals)},
         "metadata": metadata_to_json(record.metadata),
         "problems": [notice.to_json() for notice in record.problems],
     }
@@ -251,15 +254,6 @@ def read_own(file: Path) -> ExperimentRecord:
         next_step=read_partial(waiting),
     )
     return replace(record, problems=(*record.problems, note))
-
-
-def _columns(record: ExperimentRecord) -> tuple[list[str], list[Array]]:
-    names = ["t", *column_names(record.signals, record.joints)]
-    columns = [record.t, *(column for value in record.signals.values() for column in value.T)]
-    for k, (name, value) in enumerate(record.channels.items()):
-        names.append(f"channel_{k}" if name in names or not name else name)
-        columns.append(value)
-    return names, [np.ascontiguousarray(column) for column in columns]
 
 
 def _whole(description: dict[str, Any], columns: dict[str, Array]) -> ExperimentRecord:

@@ -6,12 +6,12 @@ Objects, as `s3://bucket/run.parquet`, are reached through fsspec.
 import importlib
 import re
 import tempfile
-import threading
-from collections import deque
+from bisect import bisect_left, bisect_right
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import accumulate
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -94,19 +94,16 @@ def local_files(places: Sequence[str | Path]) -> Generator[list[str | Path]]:
         yield list(places)
         return
     with tempfile.TemporaryDirectory(prefix="dynid-") as folder:
-        yield [
-            _copied(str(place), Path(folder) / str(k)) if is_url(place) else place
-            for k, place in enumerate(places)
-        ]
-
-
-def _copied(url: str, folder: Path) -> Path:
-    store, path = _store(url)
-    target = folder / PurePosixPath(path).name
-    folder.mkdir()
-    with refused("the object cannot be read", where=url):
-        store.get_file(path, str(target))
-    return target
+        local = list(places)
+        for k, url in enumerate(map(str, places)):
+            if is_url(url):
+                store, path = _store(url)
+                target = Path(folder) / str(k) / PurePosixPath(path).name
+                target.parent.mkdir()
+                with refused("the object cannot be read", where=url):
+                    store.get_file(path, str(target))
+                local[k] = target
+        yield local
 
 
 def _store(url: str) -> tuple[Any, str]:
@@ -125,8 +122,6 @@ SMALLEST = 1 << 16
 """Smaller files are not looked into [bytes]."""
 MOST_ROWS_A_GROUP, BYTES_A_VALUE = 1 << 20, 16
 """What a row group may hold: release 0.1 wrote a million rows into one."""
-BATCH = 1 << 15
-"""Rows that are decoded at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,10 +154,15 @@ class StoredRecording:
             RecordError: Damaged rows.
         """
         names = tuple(name for name in self.quantities if name in {"q", *quantities})
+        written = self.path.stat().st_mtime_ns
+        _, starts = _footer(self.path, written)
+        if last > starts[-1]:
+            raise RecordError("rows are missing", where=self.path.name, value=last)
+        begin, end = bisect_right(starts, first) - 1, bisect_left(starts, last)
         columns = ("t", *column_names(names, self.joints))
-        written, thread = self.path.stat().st_mtime_ns, threading.get_ident()
-        table = _reader(str(self.path), columns, written, thread).rows(first, last)
-        order = list(self.order)
+        groups = [_group(self.path, columns, written, k) for k in range(begin, end)]
+        rows = slice(first - starts[begin], last - starts[begin])
+        table, order = np.concatenate(groups, axis=1)[:, rows], list(self.order)
         return ExperimentRecord(
             t=table[0],
             signals={
@@ -179,9 +179,9 @@ class StoredRecording:
         Raises:
             RecordError: Damaged rows, or time that does not increase.
         """
-        reader, before = _RowReader(str(self.path), ("t",)), -np.inf
-        for first in range(0, self.samples, BATCH):
-            t = reader.rows(first, min(first + BATCH, self.samples))[0]
+        written, before = self.path.stat().st_mtime_ns, -np.inf
+        for k in range(len(_footer(self.path, written)[1]) - 1):
+            t = _group(self.path, ("t",), written, k)[0]
             if not (np.diff(t, prepend=before) > 0).all():
                 raise RecordError("time does not increase", where=self.path.name)
             before = float(t[-1])
@@ -247,68 +247,40 @@ def open_stored(
     )
 
 
-class _RowReader:
-    """Rows of some columns, decoded once where they are asked for in order."""
-
-    def __init__(self, path: str, columns: tuple[str, ...]) -> None:
-        self._name, self._columns = Path(path).name, list(columns)
-        parquet = importlib.import_module("pyarrow.parquet")
-        self._file: Any = parquet.ParquetFile(
-            path, page_checksum_verification=True, pre_buffer=False, buffer_size=1 << 18
-        )
-        groups = [
-            self._file.metadata.row_group(k) for k in range(self._file.metadata.num_row_groups)
-        ]
-        counts = [group.num_rows for group in groups]
-        for group in groups:
-            most = BYTES_A_VALUE * group.num_rows * group.num_columns + SMALLEST
-            if group.num_rows > MOST_ROWS_A_GROUP or group.total_byte_size > most:
-                raise RecordError(
-                    "a row group is larger than any that dynid writes",
-                    where=self._name,
-                    value=f"{group.num_rows} rows, {group.total_byte_size} bytes",
-                    limit=f"{MOST_ROWS_A_GROUP} rows",
-                )
-        self._starts = np.concatenate([[0], np.cumsum(counts, dtype=np.intp)])
-        self._batches: Iterator[Any] = iter(())
-        self._held: deque[Array] = deque()
-        self._first = self._last = -BATCH - 1
-
-    def rows(self, first: int, last: int) -> Array:
-        """(c, last - first) the columns of some rows."""
-        if not self._first <= first <= self._last + BATCH:
-            self._seek(first)
-        while self._held and self._first + self._held[0].shape[1] <= first:
-            self._first += self._held.popleft().shape[1]
-        while self._last < last:
-            with refused("the Parquet file is damaged", where=self._name):
-                batch = next(self._batches, None)
-                if batch is None:
-                    raise RecordError("rows are missing", where=self._name, value=last)
-                part = np.array(
-                    [batch.column(name).to_numpy() for name in self._columns], dtype=np.float64
-                )
-            if self._last + part.shape[1] <= first:
-                self._first += part.shape[1]
-            else:
-                self._held.append(part)
-            self._last += part.shape[1]
-        skipped = first - self._first
-        return np.concatenate(list(self._held), axis=1)[:, skipped : skipped + last - first]
-
-    def _seek(self, row: int) -> None:
-        group = int(np.searchsorted(self._starts, row, side="right")) - 1
-        self._held.clear()
-        self._first = self._last = int(self._starts[group])
-        self._batches = self._file.iter_batches(
-            batch_size=BATCH,
-            row_groups=list(range(group, len(self._starts) - 1)),
-            columns=self._columns,
-            use_threads=False,
-        )
+@lru_cache(maxsize=2)
+def _footer(path: Path, written_ns: int) -> tuple[Any, tuple[int, ...]]:
+    """The footer of a file; the first row of each row group, and the number of rows."""
+    del written_ns
+    parquet = importlib.import_module("pyarrow.parquet")
+    with refused("the Parquet file is damaged", where=path.name):
+        footer = parquet.read_metadata(path)
+        groups = [footer.row_group(k) for k in range(footer.num_row_groups)]
+    for group in groups:
+        most = BYTES_A_VALUE * group.num_rows * group.num_columns + SMALLEST
+        if group.num_rows > MOST_ROWS_A_GROUP or group.total_byte_size > most:
+            raise RecordError(
+                "a row group is larger than any that dynid writes",
+                where=path.name,
+                value=f"{group.num_rows} rows, {group.total_byte_size} bytes",
+                limit=f"{MOST_ROWS_A_GROUP} rows",
+            )
+    return footer, (0, *accumulate(int(group.num_rows) for group in groups))
 
 
 @lru_cache(maxsize=2)
-def _reader(path: str, columns: tuple[str, ...], written_ns: int, thread: int) -> _RowReader:
-    del written_ns, thread
-    return _RowReader(path, columns)
+def _group(path: Path, columns: tuple[str, ...], written_ns: int, number: int) -> Array:
+    """(c, N) some columns of a row group; neighbouring parts share one."""
+    footer, _ = _footer(path, written_ns)
+    parquet = importlib.import_module("pyarrow.parquet")
+    with (
+        refused("the Parquet file is damaged", where=path.name),
+        parquet.ParquetFile(
+            path,
+            metadata=footer,
+            page_checksum_verification=True,
+            pre_buffer=False,
+            buffer_size=1 << 18,
+        ) as file,
+    ):
+        table = file.read_row_group(number, columns=list(columns), use_threads=False)
+        return np.array([table.column(name).to_numpy() for name in columns], dtype=np.float64)

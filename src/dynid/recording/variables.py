@@ -118,13 +118,13 @@ _COLUMNS = re.compile(r"[\d:+]+")
 def numbers_of(value: Any) -> Array | None:
     """A value as float64 array of one or two axes; None where it is none.
 
-    Axes of length one, as Simulink and MATLAB have them, do not count.
+    Axes of length one, as Simulink and MATLAB have them, do not count, nor do imaginary parts.
     """
     array: NDArray[Any] = np.asarray(value).squeeze()
-    if array.ndim > 2 or array.dtype.kind not in "fiub":
+    if array.ndim > 2 or array.dtype.kind not in "fiubc":
         return None
     with np.errstate(all="ignore"):
-        return np.atleast_1d(array.astype(np.float64))
+        return np.atleast_1d(np.asarray(np.real(array), dtype=np.float64))
 
 
 def table_of(variables: Mapping[str, Array], options: ReadOptions) -> RawTable:

@@ -194,9 +194,7 @@ def _stretch(sections: Array, values: Array, t: Array, rate_hz: float, padding: 
     if not uniform:
         flat = linear(t, flat.T, grid).T
     padding = min(len(grid) - 2, padding)
-    passed = np.asarray(
-        scipy_part("signal").sosfiltfilt(sections, flat, axis=-1, padlen=padding), dtype=np.float64
-    )
+    passed: Array = scipy_part("signal").sosfiltfilt(sections, flat, axis=-1, padlen=padding)
     if not uniform:
         passed = linear(grid, passed.T, t).T
     return passed.reshape(values.shape)

@@ -11,12 +11,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from dynid.core import Array, InputError
+from dynid.core import Array
 from dynid.recording import AnyRecording, ExperimentRecord, StoredRecording
 from dynid.robot import RobotModel
 from dynid.signals import resample
 from dynid.signals.filters import SETTLED
-from dynid.signals.process import MIN_SAMPLES, block_length, delayed, filtered_motion, unsettled
+from dynid.signals.process import block_length, delayed, filtered_motion, require_samples, unsettled
 from dynid.signals.samples import ProcessingSettings, Samples, measured_torque, used_rows
 
 MARK = 4096
@@ -75,20 +75,18 @@ def survey(recording: AnyRecording, settings: ProcessingSettings) -> StreamGrid:
     count = last - first
     step = float(np.median(steps))
     away, gaps, row, before = 0.0, list[tuple[float, float]](), 0, start
-    slope = (stop - start) / max(count - 1, 1)
+    slope = (stop - start) / (count - 1)
     for t in _blocks(recording):
         inside = t[max(first - row, 0) : max(last - row, 0)]
         begin = max(row - first, 0)
         row += len(t)
         if not len(inside):
             continue
-        line = start + np.arange(begin, begin + len(inside)) * (stop - start) / (count - 1)
+        line = start + np.arange(begin, begin + len(inside)) * slope
         away = max(away, float(np.abs(inside - line).max()))
-        ahead = np.diff(inside, prepend=before)
-        gaps += [
-            (float(inside[k - 1]) if k else before, float(inside[k]))
-            for k in np.flatnonzero(ahead > resample.GAP_STEPS * step)
-        ]
+        ends = np.concatenate([[before], inside])
+        wide = np.flatnonzero(np.diff(ends) > resample.GAP_STEPS * step)
+        gaps += zip(ends[wide].tolist(), ends[wide + 1].tolist(), strict=True)
         before = float(inside[-1])
     uniform = away <= resample.UNIFORM_WITHIN * step
     grid = StreamGrid(
@@ -176,12 +174,7 @@ class LongSignals:
                 begin = b + edge
         runs.append((begin, count - edge))
         object.__setattr__(self, "runs", tuple((a, b) for a, b in runs if b > a))
-        if self.count < MIN_SAMPLES:
-            raise InputError(
-                "too few samples remain after filtering",
-                value=self.count,
-                limit=f"at least {MIN_SAMPLES}",
-            )
+        require_samples(self.count)
 
     @property
     def cutoff_hz(self) -> float:

@@ -154,14 +154,19 @@ def _kept(
     lost = np.pad(gap, edge, mode="wrap") if circular else np.pad(gap, edge, constant_values=trim)
     before = np.concatenate([[0], np.cumsum(lost)])
     keep = np.flatnonzero(before[2 * edge + 1 :] == before[: -2 * edge - 1])
-    if len(keep) < MIN_SAMPLES:
+    require_samples(len(keep))
+    return keep
+
+
+def require_samples(count: int) -> None:
+    """Refuse fewer than `MIN_SAMPLES`."""
+    if count < MIN_SAMPLES:
         raise InputError(
             "too few samples remain after filtering",
-            value=len(keep),
+            value=count,
             limit=f"at least {MIN_SAMPLES}",
             next_step="Use a longer window or a higher --cutoff.",
         )
-    return keep
 
 
 def block_length(rate: float, cutoff: float) -> int:

@@ -101,7 +101,9 @@ class Pump(threading.Thread):
 
     def run(self) -> None:
         """See `threading.Thread`."""
-        _hurry()
+        # The robot waits for this thread: it goes before others, where the system allows it.
+        with suppress(OSError, AttributeError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
         try:
             while not self._ended:
                 for numbers in self._link.packages():
@@ -157,12 +159,6 @@ class Pump(threading.Thread):
                 self.stop(Abort("start", what))
 
 
-def _hurry() -> None:
-    """Let this thread go before others, where the system allows it: the robot waits for it."""
-    with suppress(OSError, AttributeError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
-
-
 _LOOK_S = 0.02
 """How often packages are fetched [s]."""
 _TELL_EVERY = 25
@@ -199,44 +195,33 @@ class Intake:
             pump.join()
         if pump.fault is not None:
             raise pump.fault
-        return Outcome(
-            samples=self._samples, periods=self._periods(), gaps=pump.gaps, abort=pump.abort
-        )
-
-    def _periods(self) -> int:
-        """Periods of which every sample is there."""
         execution = self._execution
-        return sum(
+        # Periods of which every sample is there.
+        periods = sum(
             self._indices.issuperset(range(start, start + execution.cycles))
             for start in range(execution.first_recorded, execution.total, execution.cycles)
         )
+        return Outcome(samples=self._samples, periods=periods, gaps=pump.gaps, abort=pump.abort)
 
     def _empty(self, pump: Pump) -> None:
-        execution = self._execution
+        execution, layout = self._execution, self._layout
         while pump.rows:
             numbers = pump.rows.popleft()
-            index = int(self._layout.number(numbers, self._layout.index))
+            index = int(layout.number(numbers, layout.index))
             if self._progress is not None and index % _TELL_EVERY == 0:
                 self._progress("run", min((index + 1) / execution.total, 1.0))
             inside = execution.first_recorded <= index < execution.total
             if self._recorder is None or not inside:
                 continue
+            now = layout.number(numbers, "timestamp")
+            self._first = now if self._first is None else self._first
+            signals = {name: numbers[place] for name, place in layout.signals}
+            channels = {name: float(numbers[place]) for name, place in layout.channels}
             try:
-                self._append(self._recorder, numbers)
+                self._recorder.append(now - self._first, signals, channels)
             except DynidError as error:
                 self._recorder = None
                 pump.stop(Abort("recording", str(error)))
             else:
                 self._samples += 1
                 self._indices.add(index)
-
-    def _append(self, recorder: Recorder, numbers: Numbers) -> None:
-        layout = self._layout
-        now = layout.number(numbers, "timestamp")
-        if self._first is None:
-            self._first = now
-        recorder.append(
-            now - self._first,
-            {name: numbers[place] for name, place in layout.signals},
-            {name: float(numbers[place]) for name, place in layout.channels},
-        )

@@ -155,7 +155,7 @@ def mend_jumps(table: RawTable) -> RawTable:
     places = np.flatnonzero((share > _FORWARD) | (share < _BACK))
     if not 0 < len(places) <= _MOST:
         return table
-    jumps = [int(k) for k in places if _even(share, int(k)) and _moves_on(q, ticks, int(k))]
+    jumps = [k for k in places.tolist() if _moves_on(share, q, ticks, k)]
     if not jumps:
         return table
     mended = t.copy()
@@ -170,14 +170,14 @@ def mend_jumps(table: RawTable) -> RawTable:
     )
 
 
-def _even(share: Array, k: int) -> bool:
-    """Whether the stamps run evenly before and after: a late stamp would be caught up with."""
+def _moves_on(share: Array, q: Array, ticks: Array, k: int) -> bool:
+    """Whether joints move over step k as over the ordinary steps around it.
+
+    A late stamp would be caught up with: the stamps run evenly before and after.
+    """
     around = np.concatenate([share[max(k - _SIDE, 0) : k], share[k + 1 : k + 1 + _SIDE]])
-    return len(around) >= _SIDE and bool((np.abs(around - 1) < _EVEN).all())
-
-
-def _moves_on(q: Array, ticks: Array, k: int) -> bool:
-    """Whether joints move over step k as over the ordinary steps around it."""
+    if len(around) < _SIDE or (np.abs(around - 1) >= _EVEN).any():
+        return False
     before, after = q[max(k - _SIDE, 0) : k + 1], q[k + 1 : k + 2 + _SIDE]
     if min(len(before), len(after)) < 3:
         return False

@@ -42,7 +42,12 @@ def settle_joints(
     if joint_order is not None and ordered:
         table = _reorder(table, _permutation(joint_order, joints, robot, table.joint_names))
     elif robot is not None and joints > robot.joints:
-        table = _without_others(table, robot)
+        # The file names more, as of a gripper's fingers.
+        place = places_of(robot.joint_names, table.joint_names)
+        others = [name for k, name in enumerate(table.joint_names) if k not in place]
+        if place:
+            said = f"left out, as no joints of the robot: {printable(', '.join(others), 200)}"
+            table = _reorder(table, place).note(said)
     joints = table.joints
     if robot is not None and joints != robot.joints:
         raise RecordError(
@@ -106,16 +111,6 @@ def _numbered(names: Sequence[str]) -> list[int]:
     if len(stems) != 1 or not all(parts):
         return []
     return sorted(range(len(names)), key=lambda k: int(parts[k].group(2)) if parts[k] else 0)  # pyright: ignore[reportOptionalMemberAccess]
-
-
-def _without_others(table: RawTable, robot: RobotModel) -> RawTable:
-    """Only the robot's joints, where the file names more (a gripper's fingers)."""
-    place = places_of(robot.joint_names, table.joint_names)
-    if not place:
-        return table
-    others = [name for k, name in enumerate(table.joint_names) if k not in place]
-    table = _reorder(table, place)
-    return table.note(f"left out, as no joints of the robot: {printable(', '.join(others), 200)}")
 
 
 def _first_columns(table: RawTable, joints: int) -> str:

@@ -35,7 +35,14 @@ def drop_missing(table: RawTable) -> RawTable:
             value=f"{int(np.isnan(t).sum())} of {rows}",
             next_step=by_rows(table.columns),
         )
-    _require_positions(table, alive)
+    lost = np.isnan(signals["q"]).mean(axis=0)
+    lost_alive = np.isnan(signals["q"][alive]).mean(axis=0) if alive.any() else np.ones(1)
+    joint = int(np.argmax(lost))
+    if max(lost[joint], lost_alive.max()) > _MOST_LOST:
+        raise RecordError(
+            f"{table.label('q', joint)} has no numbers on most rows",
+            value=f"{round(100 * float(lost[joint]))} % missing",
+        )
     for quantity in [name for name in signals if name != "q"]:
         table = _judge(table, quantity, alive)
     table = _without_silence(table)
@@ -87,17 +94,6 @@ def _without_silence(table: RawTable) -> RawTable:
     return table.without(silent).report(
         "dead_channel", f"{silent} is 0 on every row of every joint; it is left out"
     )
-
-
-def _require_positions(table: RawTable, alive: Mask) -> None:
-    lost = np.isnan(table.signals["q"]).mean(axis=0)
-    lost_alive = np.isnan(table.signals["q"][alive]).mean(axis=0) if alive.any() else lost
-    joint = int(np.argmax(lost))
-    if not alive.any() or lost[joint] > _MOST_LOST or lost_alive.max() > _MOST_LOST:
-        raise RecordError(
-            f"{table.label('q', joint)} has no numbers on most rows",
-            value=f"{round(100 * float(lost[joint]))} % missing",
-        )
 
 
 def _judge(table: RawTable, quantity: str, alive: Mask) -> RawTable:

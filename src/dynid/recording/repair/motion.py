@@ -143,7 +143,9 @@ def drop_bursts(table: RawTable) -> RawTable:
     q = table.signals["q"]
     if table.samples < 24:
         return table
-    ticks = _ticks(table)
+    # How many ordinary steps each step spans: rows were left out, or are missing.
+    steps = np.diff(table.stamps)
+    ticks = np.maximum(table.ticks, steps / float(np.median(steps)))
     bad = np.zeros(table.samples, dtype=np.bool_)
     open_jumps: list[tuple[int, int, float]] = []
     for joint in range(table.joints):
@@ -161,12 +163,6 @@ def drop_bursts(table: RawTable) -> RawTable:
             f"({len(open_jumps)} such jumps): rows missing, or two recordings in one?",
         )
     return table.leave_out(bad, "have positions that the robot cannot have reached")
-
-
-def _ticks(table: RawTable) -> Array:
-    """(N - 1) how many ordinary steps each step spans: rows were left out, or are missing."""
-    steps = np.diff(table.stamps)
-    return np.maximum(table.ticks, steps / float(np.median(steps)))
 
 
 def _stretches(x: Array, ticks: Array, longest: int) -> tuple[list[tuple[int, int]], list[int]]:

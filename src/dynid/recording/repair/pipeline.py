@@ -36,40 +36,38 @@ def check_channels(record: ExperimentRecord) -> tuple[Finding, ...]:
         values = record.signals.get(quantity)
         if values is None:
             continue
-        dead: dict[float, tuple[int, ...]] = {}
-        for joint, (low, high) in enumerate(zip(values.min(0), values.max(0), strict=True)):
-            size = float(max(abs(low), abs(high)))
-            if size > most or 0 < size < least:
-                text = f"reaches {size:.4g} {UNITS[quantity]}, which no arm does"
-                found.append(_channel("unit_suspect", quantity, (joint,), text, size))
-            elif low == high and moves and _is_dead(record, quantity, joint):
-                dead[float(low)] = (*dead.get(float(low), ()), joint)
-        for value, alike in dead.items():
-            text = f"is {value + 0.0:.4g} on every row"
-            found.append(_channel("dead_channel", quantity, alike, text, value))
+        size = np.abs(values).max(axis=0)
+        absurd = (size > most) | ((size > 0) & (size < least))
+        for joint in np.flatnonzero(absurd).tolist():
+            finding = Finding(
+                "unit_suspect",
+                f"{quantity} of joint {joint + 1} reaches {size[joint]:.4g} {UNITS[quantity]}, "
+                "which no arm does",
+                severity="error",
+                joints=(joint,),
+                value=float(size[joint]),
+                unit=UNITS[quantity],
+                next_step="check column and unit",
+            )
+            found.append(finding)
+        dead = moves & ~absurd & (np.ptp(values, axis=0) == 0)
+        if quantity not in TORQUE_SOURCES:
+            # A joint may be locked: positions are dead beside a velocity alone.
+            speed = record.signals.get("qd") if quantity == "q" else None
+            dead &= False if speed is None else speed.any(axis=0)
+        for value in dict.fromkeys(values[0, dead].tolist()):
+            alike = np.flatnonzero(dead & (values[0] == value)).tolist()
+            which = f"joint{'s' * (len(alike) > 1)} {', '.join(str(joint + 1) for joint in alike)}"
+            finding = Finding(
+                "dead_channel",
+                f"{quantity} of {which} is {value + 0.0:.4g} on every row",
+                joints=tuple(alike),
+                value=value,
+                unit=UNITS[quantity],
+                next_step="check column and sensor",
+            )
+            found.append(finding)
     return tuple(found)
-
-
-def _channel(kind: str, quantity: str, about: tuple[int, ...], text: str, value: float) -> Finding:
-    absurd = kind == "unit_suspect"
-    which = f"{'joint' if len(about) == 1 else 'joints'} {', '.join(str(j + 1) for j in about)}"
-    return Finding(
-        kind,
-        f"{quantity} of {which} {text}",
-        severity="error" if absurd else "",
-        joints=about,
-        value=value,
-        unit=UNITS[quantity],
-        next_step=f"check column and {'unit' if absurd else 'sensor'}",
-    )
-
-
-def _is_dead(record: ExperimentRecord, quantity: str, joint: int) -> bool:
-    """Whether a signal that never changes should have; a joint may be locked."""
-    if quantity in TORQUE_SOURCES:
-        return True
-    speed = record.signals.get("qd")
-    return quantity == "q" and speed is not None and bool(speed[:, joint].any())
 
 
 def checked_records(records: Sequence[ExperimentRecord]) -> list[ExperimentRecord]:
@@ -113,15 +111,11 @@ def _refuse(record: ExperimentRecord, findings: Sequence[Finding]) -> None:
             raise RecordError(
                 finding.text, where=where, next_step=f"{finding.next_step.capitalize()}."
             )
-    source = next((name for name in TORQUE_SOURCES[::-1] if name in record.signals), None)
-    if source is None:
-        # Without torques there is nothing to check; whoever needs them says so.
-        return
-    if not any(
-        np.ptp(record.signals[name]) > 0 for name in TORQUE_SOURCES if name in record.signals
-    ):
+    # Without torques there is nothing to check; whoever needs them says so.
+    sources = [name for name in TORQUE_SOURCES if name in record.signals]
+    if sources and not any(np.ptp(record.signals[name]) > 0 for name in sources):
         raise RecordError(
-            f"{source} is the same on every row of every joint",
+            f"{sources[-1]} is the same on every row of every joint",
             where=where,
             next_step="Check the columns of the torques: nothing can be identified from them.",
         )
@@ -277,6 +271,10 @@ def repair(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
         return _record(table, settings)
 
 
+_LEAST_TICK = 1e-12
+"""A microsecond in days is ten times as much."""
+
+
 def _number_rows(table: RawTable) -> RawTable:
     return replace(table, index=np.arange(table.samples, dtype=np.int64))
 
@@ -284,7 +282,16 @@ def _number_rows(table: RawTable) -> RawTable:
 def _start_clock(table: RawTable, rate_hz: float | None) -> RawTable:
     """Count time by rows, before any row is lost, where there are no stamps."""
     if table.t is not None:
-        _require_ticks(table)
+        with np.errstate(invalid="ignore", over="ignore"):
+            steps = np.abs(np.diff(table.stamps))
+        steps = steps[np.isfinite(steps) & (steps > 0)]
+        if len(steps) and float(np.median(steps)) < _LEAST_TICK:
+            raise RecordError(
+                "the time stamps hardly increase",
+                value=f"{float(np.median(steps)):.3g} a row",
+                limit=f"{_LEAST_TICK:g} at least, in any unit",
+                next_step="Check the column of time, or leave it out and pass --rate.",
+            )
         return table
     if rate_hz is None:
         raise RecordError(
@@ -293,24 +300,6 @@ def _start_clock(table: RawTable, rate_hz: float | None) -> RawTable:
         )
     t = np.arange(table.samples, dtype=np.float64) / rate_hz
     return replace(table, t=t, time_scale=1.0, t0="0.0", clock="rate")
-
-
-_LEAST_TICK = 1e-12
-"""A microsecond in days is ten times as much."""
-
-
-def _require_ticks(table: RawTable) -> None:
-    """Refuse a column of time that hardly moves, in whatever unit."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        steps = np.abs(np.diff(table.stamps))
-    steps = steps[np.isfinite(steps) & (steps > 0)]
-    if len(steps) and float(np.median(steps)) < _LEAST_TICK:
-        raise RecordError(
-            "the time stamps hardly increase",
-            value=f"{float(np.median(steps)):.3g} a row",
-            limit=f"{_LEAST_TICK:g} at least, in any unit",
-            next_step="Check the column of time, or leave it out and pass --rate.",
-        )
 
 
 def _require_rows(table: RawTable) -> RawTable:
