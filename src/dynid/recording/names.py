@@ -44,7 +44,7 @@ _SYNONYMS: dict[str, str] = {
         "velocity_actual vel_actual actual_vel actual_joint_velocity actual_joint_velocities "
         "joint_speeds speeds "
         "vel_msr dq_msr qdot_measured dotq dot_q qd_measured dq_measured dq_actual qdot_meas "
-        "angular_velocity joint_angular_velocity vels "
+        "angular_velocity joint_angular_velocity vels drehzahl "
         "current_velocity current_velocities current_joint_velocity current_joint_velocities "
         "current_qd current_dq current_speed qdactual act_velo f_act_velocity geschwindigkeit"
     ),
@@ -68,7 +68,7 @@ _SYNONYMS: dict[str, str] = {
         "joints_torque joints_torques actual_joint_torque actual_joint_torques actual_effort "
         "torque_actual trq_act actual_trq tau_msr tau_mes joint_torque_actual taus moment moments "
         "link_torque link_torques sensor_torque torque_sensor motor_torque motor_torques "
-        "joint_tor f_act_torque drehmoment"
+        "joint_tor f_act_torque drehmoment eff"
     ),
     "target_q": (
         "target_q q_target q_d q_des q_desired desired_q q_ref ref_q q_cmd cmd_q position_cmd "
@@ -133,10 +133,12 @@ TARGET_OF = {
 
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z][a-z])")
 _BRACKET = re.compile(r"[\[({]([^\[\](){}]*)[\])}]\s*$")
-_INDEX_LAST = re.compile(r"^(.*?)[\s_\-]*(?:(?<![a-z])(?:joint|jnt|axis|j|a))?[\s_\-]*(\d{1,3})$")
-_INDEX_FIRST = re.compile(r"^(?:joint|jnt|axis|motor|j|a)[\s_\-]*(\d{1,3})[\s_\-:]+(.+)$")
+_INDEX_LAST = re.compile(
+    r"^(.*?)[\s_\-]*(?:(?<![a-z])(?:joint|jnt|axis|achse|j|a))?[\s_\-]*(\d{1,3})$"
+)
+_INDEX_FIRST = re.compile(r"^(?:joint|jnt|axis|achse|motor|j|a)[\s_\-]*(\d{1,3})[\s_\-:]+(.+)$")
 _INDEX_WITHIN = re.compile(r"^([a-z][a-z_\s\-]*?)[\s_\-]*(\d{1,3})[\s_\-]+([a-z][a-z_\s\-]*)$")
-_INDEX_ALONE = re.compile(r"(?:joint|jnt|axis|motor|j|a)?[\s_\-]*(\d{1,3})")
+_INDEX_ALONE = re.compile(r"(?:joint|jnt|axis|achse|motor|j|a)?[\s_\-]*(\d{1,3})")
 _INDEX_PATH = re.compile(r"^(.*?)[\[(]?(?<![a-z\d])(\d{1,3})[\])]?$")
 _DEGREES = re.compile(r"(^|_)(deg|degs|degree|degrees)(_|$)")
 _SECONDS = frozenset({"sec", "secs"})
