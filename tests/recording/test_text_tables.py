@@ -7,7 +7,7 @@ import pytest
 from recorded_motions import Motion, write_plain_csv, write_rtde_csv, write_ur_csv
 
 from dynid.core import RecordError
-from dynid.recording import read_recording
+from dynid.recording import open_record, read_recording
 from dynid.robot import load_robot
 
 COLUMNS = "t=0,q=1:7,qd=7:13,current=13:19"
@@ -299,6 +299,17 @@ def test_german_words(tmp_path: Path) -> None:
     record = read_recording(tmp_path / "x.csv", robot=load_robot("ur5"))
     assert not codes(record)
     np.testing.assert_allclose(record.signals["qd"], motion.table()[:, 7:13])
+
+
+def test_a_folder_of_one_file_a_joint_names_the_whole_command(tmp_path: Path) -> None:
+    folder = tmp_path / "a run"
+    folder.mkdir()
+    for k in (1, 2):
+        np.savetxt(folder / f"joint_{k}.csv", np.ones((9, 3)), delimiter=",", header="t,q,tau")
+    files = " ".join(f"'{folder}/joint_{k}.csv'" for k in (1, 2))
+    with pytest.raises(RecordError) as refused:
+        open_record(folder, load_robot("ur5"))
+    assert str(refused.value).endswith(f"dynid import {files} --robot ROBOT -o RECORD.parquet")
 
 
 def test_an_order_that_is_the_files_own(tmp_path: Path) -> None:
