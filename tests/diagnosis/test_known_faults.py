@@ -14,7 +14,7 @@ from dynid.core import Finding
 from dynid.diagnosis import Recording, contact_stretches, diagnose, explain, findings_of
 from dynid.diagnosis.events import torque_deviations
 from dynid.recording import ExperimentRecord, RecordMetadata
-from dynid.robot import load_robot, robot_from_chain
+from dynid.robot import load_robot, robot_from_chain, with_mount
 from dynid.signals import ProcessingSettings, process
 
 SIGMAS = 4.0
@@ -139,6 +139,16 @@ def test_a_base_far_from_its_mounting_is_measured_and_its_gravity_is_named(
     gravity = np.array([float(x) for x in named[1].split(",")])
     away = np.degrees(np.arccos(-gravity[2] / np.linalg.norm(gravity)))
     assert away == pytest.approx(degrees, abs=max(SIGMAS * std, 0.5))
+    # No option turns the base about an axis that is not x.
+    assert "--mount" not in found.next_step
+
+
+def test_a_mounting_that_an_option_can_say_is_said_as_one(tmp_path: Path) -> None:
+    tilted = with_mount(arm(tmp_path), "tilt:60")
+    found = next(f for f in findings_of(recording(Wrong()), tilted) if f.kind == "mounting")
+    named = re.search(r"--mount (tilt:\S+),", found.next_step)
+    assert named is not None
+    assert with_mount(tilted, named[1]).gravity == pytest.approx([0, 0, -9.80665], abs=0.1)
 
 
 def test_a_base_on_the_wall_must_not_be_used(tmp_path: Path) -> None:

@@ -453,8 +453,10 @@ def test_torques_of_motors_taken_for_the_joints_are_told(tmp_path: Path) -> None
 def test_a_unit_alone_tells_no_torques(tmp_path: Path) -> None:
     t, q, _, effort = truth()
     path = write(tmp_path / "x.csv", ["t", *named("q{}", "M{} [mNm]")], t, q, effort * 1e3)
-    with pytest.raises(RecordError, match=r"neither current nor effort.*--columns"):
+    with pytest.raises(RecordError, match="neither current nor effort") as refused:
         read_recording(path)
+    assert "M1 [mNm], M2 [mNm]" in str(refused.value)
+    assert "t=COLUMN,q=1:7,effort=FIRST:END" in str(refused.value)
     check(path, columns="t=0,q=1:7,effort=7:13")
 
 

@@ -7,7 +7,7 @@ import pytest
 from recorded_motions import Motion, write_plain_csv, write_rtde_csv, write_ur_csv
 
 from dynid.core import RecordError
-from dynid.recording import read_recording
+from dynid.recording import open_record, read_recording
 from dynid.robot import load_robot
 
 COLUMNS = "t=0,q=1:7,qd=7:13,current=13:19"
@@ -288,6 +288,44 @@ def test_joint_order(tmp_path: Path) -> None:
     for order in (["0", "1"], ["x"] * 6, ["0"] * 6):
         with pytest.raises(RecordError, match="joint order"):
             read_recording(path, robot=robot, joint_order=order)
+
+
+def test_german_words(tmp_path: Path) -> None:
+    motion = Motion()
+    table = motion.table() * np.repeat([1, 180 / np.pi, 30 / np.pi, 1], [1, 6, 6, 6])
+    names = ("Achse{} Winkel [°]", "Achse{} Drehzahl [rpm]", "Achse{} Moment [Nm]")
+    header = ",".join(["t", *(name.format(k) for name in names for k in range(1, 7))])
+    np.savetxt(tmp_path / "x.csv", table, delimiter=",", header=header, comments="")
+    record = read_recording(tmp_path / "x.csv", robot=load_robot("ur5"))
+    assert not codes(record)
+    np.testing.assert_allclose(record.signals["qd"], motion.table()[:, 7:13])
+
+
+def test_a_folder_of_one_file_a_joint_names_the_whole_command(tmp_path: Path) -> None:
+    folder = tmp_path / "a run"
+    folder.mkdir()
+    for k in (1, 2):
+        np.savetxt(folder / f"joint_{k}.csv", np.ones((9, 3)), delimiter=",", header="t,q,tau")
+    files = " ".join(f"'{folder}/joint_{k}.csv'" for k in (1, 2))
+    with pytest.raises(RecordError) as refused:
+        open_record(folder, load_robot("ur5"))
+    assert str(refused.value).endswith(f"dynid import {files} --robot ROBOT -o RECORD.parquet")
+
+
+def test_an_order_that_is_the_files_own(tmp_path: Path) -> None:
+    motion, axles = Motion(), ("c3", "c1", "c2", "c6", "c5", "c4")
+    header = ",".join(
+        ["t", *(f"{kind}_{axle}" for kind in ("pos", "vel", "eff") for axle in axles)]
+    )
+    np.savetxt(
+        tmp_path / "x.csv", motion.table(), delimiter=",", header=header, comments="", fmt="%.9g"
+    )
+    ur5 = load_robot("ur5")
+    taken = read_recording(tmp_path / "x.csv", robot=ur5)
+    assert codes(taken) == ["unit_suspect"]
+    record = read_recording(tmp_path / "x.csv", robot=ur5, joint_order=axles)
+    assert not codes(record)
+    np.testing.assert_allclose(record.signals["q"], motion.table()[:, 1:7], rtol=1e-7)
 
 
 def test_number_of_joints_is_checked(tmp_path: Path) -> None:

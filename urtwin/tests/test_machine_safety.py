@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from dynid.core import InputError, JobError
-from dynid.simulation import SimulatedArm
+from dynid.robot import load_robot
+from dynid.simulation import SimulatedArm, simulated_arm
 from scripts import HOME, said, ticks
 from urtwin import ControllerMachine
 from urtwin.safety import WatchedLimits
@@ -105,6 +106,18 @@ def test_joints_that_turn_too_fast(arm: SimulatedArm) -> None:
     ticks(machine, 1.0)
     assert "C191A37" in reason(machine)
     assert max(np.abs(machine.output("target_qd"))) < STANDING
+
+
+@pytest.mark.parametrize(
+    ("robot", "joint", "speed", "words"),
+    [("ur3e", 5, 6.0, ""), ("ur3e", 5, 7.0, "C191A37"), ("ur10e", 0, 2.4, "C191A32")],
+)
+def test_each_joint_has_its_own_speed(robot: str, joint: int, speed: float, words: str) -> None:
+    machine = ControllerMachine(simulated_arm(load_robot(robot)), pose=START, safety=OPEN)
+    speeds = [speed if k == joint else 0.0 for k in range(6)]
+    machine.run_script(f"speedj({speeds}, 40, 0.3)")
+    ticks(machine, 0.3)
+    assert (words in reason(machine)) if words else not machine.core.safety.stopped
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,8 @@ UNEXPLAINED = 0.25
 """Share of the torque, beyond noise, that is left by the richest model: something is wrong."""
 TURNED = 0.3
 """Tilt or zero [rad] from which a result must not be used."""
+_ABOUT_X = 0.01
+"""Share of gravity along the base's x axis that a mounting about this axis leaves (0.6 deg)."""
 MOST_TOUCHED = 0.3
 """Share of a recording that contacts may take before something else is the cause."""
 SAMPLES = 64
@@ -47,8 +49,8 @@ _STEPS = {
     "accelerations low",
     "link_length": "check the kinematics of the robot file",
     "spring": "add the spring or counterbalance to the robot file",
-    "mounting": "level the base, or give the mounting: --mount, or [mount] gravity = {gravity} in "
-    "the robot file",
+    "mounting": "level the base, or give the mounting: {mount}[mount] gravity = {gravity} in the "
+    "robot file",
     "payload": "remove it, or add it to the last link of the robot file",
     "friction_drift": "move the arm until it is warm, or identify parts with --from and --to",
     "gravity_compensated": "record the whole torque: the controller's gravity has been taken off",
@@ -177,8 +179,19 @@ def finding_of(item: Explanation, robot: RobotModel, undone: RobotModel) -> Find
         value=1 + value if factor else value,
         std=std,
         unit=item.unit,
-        next_step=_STEPS[item.kind].format(gravity=np.round(undone.gravity, 3).tolist()),
+        next_step=_STEPS[item.kind].format(
+            gravity=np.round(undone.gravity, 3).tolist(), mount=_mount_option(undone.gravity)
+        ),
     )
+
+
+def _mount_option(gravity: Array) -> str:
+    """The option of this mounting, where there is one: those turn about the base's x axis."""
+    x, y, z = gravity
+    if abs(x) > _ABOUT_X * np.linalg.norm(gravity):
+        return ""
+    degrees = float(np.degrees(np.arctan2(-y, -z)))
+    return f"--mount tilt:{round(degrees, 1) + 0.0}, or "
 
 
 def _as_likely(rival: Finding) -> Finding:

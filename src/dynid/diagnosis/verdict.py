@@ -154,7 +154,8 @@ def _prediction(
         reason = poor[0].text if poor else "no other motion has confirmed it yet (--validate)"
         return Answer(answer=answer, reason=reason)
     beyond = float(np.sqrt(max(expected**2 - noise**2, 0.0)))
-    what = "predicts another motion's" if confirmed else "is expected to predict other motions'"
+    others = "such motions'" if poor else "other motions'"
+    what = "predicts another motion's" if confirmed else f"is expected to predict {others}"
     known = min(noise, expected)
     text = f"it {what} torques to {expected:.1f} %, of which noise is {known:.1f} %"
     if beyond > USELESS_PREDICTION or (poor and beyond > GOOD_PREDICTION):

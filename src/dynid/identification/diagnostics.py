@@ -16,6 +16,7 @@ ONE_WAY = 0.05
 """Share of the moving samples in the rarer direction; below it, friction and gravity mix."""
 UNCERTAIN_SHARE = 0.75
 """Share of parameters with more than 100 % standard deviation that makes a record poor."""
+_EXCITE = "record an optimised excitation trajectory before the result is used for other motions"
 CORRELATED = 0.3
 """Autocorrelation of the residuals at one sample that is worth saying."""
 POSES = 200
@@ -54,12 +55,10 @@ def ill_conditioned(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]
     return (
         Finding(
             "ill_conditioned",
-            "; ".join(text)
-            + ". Some combinations of parameters are poorly excited: the result must not be used "
-            "for other motions",
+            "; ".join(text) + ". Some combinations of parameters are poorly excited",
             severity="error",
             value=number,
-            next_step="record an optimised excitation trajectory",
+            next_step=_EXCITE,
         ),
     )
 
@@ -99,9 +98,9 @@ def low_excitation(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
     return (
         Finding(
             "low_excitation",
-            "the motion excites too little, and the result must not be used for other motions: "
-            + "; ".join(found[:8]),
+            "the motion excites too little: " + "; ".join(found[:8]),
             severity="error",
+            next_step=_EXCITE,
         ),
     )
 

@@ -32,7 +32,7 @@ _SYNONYMS: dict[str, str] = {
         "qd dq qdot q_dot vel velocity velocities speed dtheta qvel omega qp qdots q_dots jvel "
         "speeds dotq dot_q angular_velocity vels current_velocity current_velocities "
         "current_joint_velocity current_joint_velocities current_qd current_dq current_speed "
-        "qdactual act_velo f_act_velocity geschwindigkeit"
+        "qdactual act_velo f_act_velocity drehzahl geschwindigkeit"
     ),
     "qdd": "qdd ddq qddot q_ddot acc acceleration accelerations qacc qpp accel",
     "current": (
@@ -42,7 +42,7 @@ _SYNONYMS: dict[str, str] = {
     "effort": (
         "tau_j effort efforts torque torques tau trq actual_current_as_torque jtor jtorque "
         "tau_mes taus moment moments sensor_torque torque_sensor motor_torque motor_torques "
-        "joint_tor f_act_torque drehmoment"
+        "joint_tor f_act_torque drehmoment eff"
     ),
     "target_q": "q_d as_pos aspos ipo_jnt_pos axisqcmd axisqcmdt1m",
     "target_qd": "dq_d",
@@ -98,10 +98,12 @@ TARGET_OF = {
 
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z][a-z])")
 _BRACKET = re.compile(r"[\[({]([^\[\](){}]*)[\])}]\s*$")
-_INDEX_LAST = re.compile(r"^(.*?)[\s_\-]*(?:(?<![a-z])(?:joint|jnt|axis|j|a))?[\s_\-]*(\d{1,3})$")
-_INDEX_FIRST = re.compile(r"^(?:joint|jnt|axis|motor|j|a)[\s_\-]*(\d{1,3})[\s_\-:]+(.+)$")
+_INDEX_LAST = re.compile(
+    r"^(.*?)[\s_\-]*(?:(?<![a-z])(?:joint|jnt|axis|achse|j|a))?[\s_\-]*(\d{1,3})$"
+)
+_INDEX_FIRST = re.compile(r"^(?:joint|jnt|axis|achse|motor|j|a)[\s_\-]*(\d{1,3})[\s_\-:]+(.+)$")
 _INDEX_WITHIN = re.compile(r"^([a-z][a-z_\s\-]*?)[\s_\-]*(\d{1,3})[\s_\-]+([a-z][a-z_\s\-]*)$")
-_INDEX_ALONE = re.compile(r"(?:joint|jnt|axis|motor|j|a)?[\s_\-]*(\d{1,3})")
+_INDEX_ALONE = re.compile(r"(?:joint|jnt|axis|achse|motor|j|a)?[\s_\-]*(\d{1,3})")
 _INDEX_PATH = re.compile(r"^(.*?)[\[(]?(?<![a-z\d])(\d{1,3})[\])]?$")
 _DEGREES = re.compile(r"(^|_)(deg|degs|degree|degrees)(_|$)")
 _SECONDS = frozenset({"sec", "secs"})

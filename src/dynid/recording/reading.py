@@ -85,13 +85,14 @@ def _in_folder(folder: Path) -> list[Path]:
             where=str(folder),
             limit="a ROS bag, or files that end in " + ", ".join(_EXTENSIONS),
         )
-    quoted = " ".join(str(path) for path in others[:8])
+    quoted = " ".join(shlex.quote(str(path)) for path in others[:8])
+    more = " ..." if len(others) > 8 else ""
     raise RecordError(
         f"the folder holds {len(others)} files",
         where=str(folder),
         value=[path.name for path in others[:20]],
-        next_step=f"Name one, or those that belong side by side: dynid import {quoted}"
-        + (" ..." if len(others) > 8 else ""),
+        next_step=f"Name one, or those that belong side by side: dynid import {quoted}{more} "
+        "--robot ROBOT -o RECORD.parquet",
     )
 
 
@@ -324,10 +325,11 @@ def open_record(
         try:
             found = read_recording(record, robot=robot)
         except RecordError as error:
-            if error.next_step is None or not os.path.exists(record):
+            step = error.next_step
+            if step is None or "dynid import" in step or not os.path.exists(record):
                 raise
             command = f"dynid import {shlex.quote(str(record))} --robot ROBOT -o RECORD.parquet"
-            step = f"{error.next_step} (Options for reading a file: {command})"
+            step = f"{step} (Options for reading a file: {command})"
             raise error.changed(next_step=step) from error
     if gains is None:
         return found

@@ -51,6 +51,7 @@ class ControlledArm:
         self._flange = arm.robot.flange
         self.lower = np.nan_to_num(self.limits.lower, nan=-np.inf).tolist()
         self.upper = np.nan_to_num(self.limits.upper, nan=np.inf).tolist()
+        self.fastest = np.nan_to_num(self.limits.velocity, nan=np.inf).tolist()
         self.kinematics = ToolKinematics(arm.robot)
         self.plant = SimulatedPlant(arm, rate_hz=rate_hz, thermal=thermal)
         self.cycle = self.plant.cycle

@@ -27,8 +27,8 @@ class WatchedLimits:
     A limit that is negative or no number is an `InputError`.
     """
 
-    joint_speed: float = 3.3416
-    """Largest joint speed [rad/s]."""
+    beyond_joint_speed: float = 0.2
+    """How much faster than the arm says a joint may move: 3.3416 for a UR5's 3.1416 [rad/s]."""
     tool_speed: float = 1.5
     """Largest speed of the tool [m/s]; infinite for none."""
     momentum: float = 25.0
@@ -116,15 +116,14 @@ class Safety:
                     f"of joint {k}: {change:+.4f} rad in one cycle"
                 )
         speeds: list[float] = state.target.dq.tolist()
-        fastest = max(map(abs, speeds))
-        if fastest < _AT_REST and arm.still > 0:
+        if max(map(abs, speeds)) < _AT_REST and arm.still > 0:
             return None
-        if fastest > limits.joint_speed:
-            joint = max(range(len(speeds)), key=lambda k: abs(speeds[k]))
-            return (
-                f"C191A{32 + joint}: Joint {joint} speed violation: {fastest:.3f} rad/s, "
-                f"limit {limits.joint_speed:.3f} rad/s"
-            )
+        for k, speed in enumerate(map(abs, speeds)):
+            if speed > (most := arm.fastest[k] + limits.beyond_joint_speed):
+                return (
+                    f"C191A{32 + k}: Joint {k} speed violation: {speed:.3f} rad/s, "
+                    f"limit {most:.3f} rad/s"
+                )
         deviation = float(np.max(np.abs(state.q - state.target.q)))
         if deviation > limits.deviation:
             return f"C153: Position deviates from path: {deviation:.3f} rad"

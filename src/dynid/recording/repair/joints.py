@@ -58,7 +58,7 @@ def settle_joints(
             else "Give the robot that was recorded, or a robot file that locks the other joints.",
         )
     if robot is not None and table.joint_names and not ordered:
-        table = _by_name(table, robot)
+        table = _by_name(table, robot, given=joint_order is not None)
     if robot is not None:
         return replace(table, joint_names=robot.joint_names)
     place = () if joint_order is not None else places_of(UR_JOINTS, table.joint_names)
@@ -88,10 +88,10 @@ def _permutation(
     )
 
 
-def _by_name(table: RawTable, robot: RobotModel) -> RawTable:
+def _by_name(table: RawTable, robot: RobotModel, *, given: bool) -> RawTable:
     place = places_of(robot.joint_names, table.joint_names)
-    if place:
-        return _reorder(table, place)
+    if place or given:
+        return _reorder(table, place) if place else table
     # A robot file may call its joints differently from the driver.
     known = places_of(UR_JOINTS, table.joint_names) or _numbered(table.joint_names)
     ordered = _reorder(table, known) if known else table
@@ -100,7 +100,7 @@ def _by_name(table: RawTable, robot: RobotModel) -> RawTable:
         f"the joints are called {printable(', '.join(table.joint_names), 200)} and not "
         f"{printable(', '.join(robot.joint_names), 200)}; they are taken "
         + ("by their own names or numbers" if known else "in this order")
-        + ": check it, or give --joint-order",
+        + ": check it, or give the order to dynid import --joint-order",
     )
 
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynid.core import Array, RecordError
-from dynid.recording.headers import by_rows
+from dynid.core import Array, RecordError, printable
+from dynid.recording.headers import by_rows, spelled
 from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, Mask, RawTable, rows_with
 
 ABSURD = 1e12
@@ -48,17 +48,14 @@ def drop_missing(table: RawTable) -> RawTable:
     table = _without_silence(table)
     if not any(name in table.signals for name in TORQUE_SOURCES):
         hints = [notice.text for notice in table.notices if notice.kind == "dead_channel"]
+        if table.channels:
+            hints.append(f"unknown columns: {printable(', '.join(table.channels), 200)}")
         hints += table.notes
         raise RecordError(
             "there is neither current nor effort",
             value="; ".join(hints) or None,
-            next_step="A recording needs motor currents or joint torques; name their columns "
-            "with --columns, for example "
-            + (
-                "q=PATH,effort=PATH of a field."
-                if table.row_word == "message"
-                else "current=13:19."
-            ),
+            next_step="A recording needs motor currents or joint torques; name all columns "
+            f"with --columns: {_with_torques(table)}.",
         )
     good = np.all([np.isfinite(value).all(axis=1) for value in table.signals.values()], axis=0)
     good &= np.isfinite(t)
@@ -76,6 +73,15 @@ def drop_missing(table: RawTable) -> RawTable:
             f"out; first: {_place(table, int(np.argmax(fresh)))}",
         )
     return table.keep(good)
+
+
+def _with_torques(table: RawTable) -> str:
+    """How all columns are named, where those of the torques are not known."""
+    kept = {name: table.columns[name] for name in ("q", "qd") if name in table.columns}
+    if "q" not in kept:
+        return "t=PATH,q=PATH,effort=PATH"
+    time = "" if table.t is None else "t=COLUMN,"
+    return f"{time}{spelled(kept)},effort=FIRST:END (from 0, END excluded)"
 
 
 def _without_silence(table: RawTable) -> RawTable:
