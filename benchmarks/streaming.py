@@ -1,9 +1,8 @@
 """Hours of data: memory and CPU of an identification, and the throughput of its pass.
 
 `python benchmarks/streaming.py [throughput]`: regressor and products of a UR5 (52 columns), beside
-a loop over pinocchio's regressor with products of its rows, and release 0.1's own way (whole
-stacks, one product of all columns a joint), in one run on one core, warm. Asked: 10 times and
-2.5 times.
+a loop over pinocchio's regressor with products of its rows, in one run on one core, warm. Asked: 10
+times.
 
 `python benchmarks/streaming.py hours 1 best`: writes a recording of so many hours at 500 Hz (a
 minute of simulated motion, tiled, each time with new noise), identifies it in a process of its own
@@ -41,7 +40,6 @@ NOISE = np.array([2.0, 2.5, 1.5, 0.4, 0.4, 0.3])
 COLUMNS = ("q", "qd", "effort")
 SAMPLES, SHORT = 20_000, 89_000
 ROUNDS = 12
-CHUNK_V01 = 2000
 
 
 def minute() -> tuple[np.ndarray, ...]:
@@ -167,19 +165,8 @@ def throughput() -> None:
         by_joint = rows.transpose(1, 2, 0)
         return by_joint @ by_joint.transpose(0, 2, 1)
 
-    def by_v01() -> np.ndarray:
-        total = np.zeros((n, base.rank + 1, base.rank + 1))
-        for first in range(0, SAMPLES, CHUNK_V01):
-            part = slice(first, first + CHUNK_V01)
-            stack = model.stack(q[part], dq[part], ddq[part])[independent]
-            rows = np.concatenate([stack, torque[part].T[None]])
-            for j in range(n):
-                total[j] += rows[:, j] @ rows[:, j].T
-        return total
-
     works = {
         "pinocchio": by_pinocchio,
-        "0.1": by_v01,
         "pass": products_alone,
         "scores": lambda: sum_rows(panels, plan, samples, slice(0, SAMPLES), 0, SAMPLES),
     }
@@ -188,11 +175,9 @@ def throughput() -> None:
     each = {name: 1e6 * t / (few if name == "pinocchio" else SAMPLES) for name, t in times.items()}
     print(f"UR5, {base.rank} columns, one core, warm, microseconds a sample:")
     print(f"pinocchio, loop: regressor and products   {each['pinocchio']:8.2f}")
-    print(f"0.1's way: whole stack, whole products    {each['0.1']:8.2f}")
     print(f"pass: regressor and products              {each['pass']:8.2f}")
     print(f"pass with cells, scores and ranges        {each['scores']:8.2f}")
     print(f"against pinocchio {each['pinocchio'] / each['pass']:.1f} times (asked 10)")
-    print(f"against 0.1 {each['0.1'] / each['pass']:.2f} times (asked 2.5)")
 
 
 if __name__ == "__main__":
