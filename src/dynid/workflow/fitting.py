@@ -7,17 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from dynid import recording
 from dynid.core import DynidError, Finding, InputError, Progress, make_folder, silent, told
 from dynid.export import ExportedFile, write_model
 from dynid.identification import Estimate, EstimateLike, open_estimate, write_estimate
-from dynid.recording import (
-    ExperimentRecord,
-    RecordLike,
-    as_list,
-    checked_records,
-    open_record,
-    write_record,
-)
 from dynid.robot import RobotLike, load_robot
 from dynid.settings import IdentifySettings
 from dynid.workflow.identify import Identification, identify
@@ -172,10 +165,10 @@ class LogFit:
 
 def fit(
     robot: RobotLike,
-    logs: RecordLike | Sequence[RecordLike],
+    logs: recording.RecordLike | Sequence[recording.RecordLike],
     output: str | Path,
     *,
-    validation: RecordLike | None = None,
+    validation: recording.RecordLike | None = None,
     gains: Sequence[float] | None = None,
     settings: IdentifySettings | None = None,
     progress: Progress | None = None,
@@ -199,33 +192,33 @@ def fit(
         JobError: A singular problem, or a full disk.
     """
     tell = progress or silent
-    given = as_list(logs)
+    given = recording.as_list(logs)
     if not given:
         raise InputError("needs at least one log")
     model = load_robot(robot)
     folder = _folder(output)
-    records: list[ExperimentRecord] = []
+    records: list[recording.ExperimentRecord] = []
     sources: list[str] = []
     paths: list[Path] = []
     others = [] if validation is None else [validation]
     for k, log in enumerate([*given, *others]):
         kind = "validation" if k >= len(given) else f"log{k + 1}" if len(given) > 1 else "log"
-        name = "" if isinstance(log, ExperimentRecord) else Path(log).stem
+        name = "" if isinstance(log, recording.ExperimentRecord) else Path(log).stem
         tell(f"read {name or kind}", 0.1 * k / (len(given) + 1))
-        record, source = known_gains(open_record(log, model, gains), model)
+        record, source = known_gains(recording.open_record(log, model, gains), model)
         records.append(record)
         sources.append("given" if gains is not None and source == "recording" else source)
         paths.append(folder / f"{f'{kind}_{name}' if name else kind}.parquet")
     other = None if validation is None else records[-1]
     result = identify(
-        checked_records(records[: len(given)]),
+        recording.checked_records(records[: len(given)]),
         model,
         settings,
         validation=other,
         progress=lambda what, share: tell(what, 0.1 + 0.6 * share),
     )
     for record, path in zip(records, paths, strict=True):
-        write_record(of_robot(record, robot), path)
+        recording.write_record(of_robot(record, robot), path)
     write_estimate(result.estimate, folder / ESTIMATE)
     exports: list[Export] = []
     failed: list[tuple[str, str]] = []

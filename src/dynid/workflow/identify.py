@@ -14,20 +14,10 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
+from dynid import recording
 from dynid.core import Finding, InputError, Progress, Workers, told
 from dynid.diagnosis import diagnose
 from dynid.identification import Estimate
-from dynid.recording import (
-    LONG,
-    AnyRecording,
-    AnyRecordLike,
-    ExperimentRecord,
-    RecordLike,
-    as_list,
-    fingerprint,
-    open_any,
-    open_record,
-)
 from dynid.robot import RobotLike, RobotModel, load_robot
 from dynid.settings import IdentifySettings
 from dynid.trajectory import JointMotion
@@ -98,7 +88,7 @@ class Accuracy:
 
 def accuracy(
     estimate: Estimate,
-    records: Sequence[AnyRecording],
+    records: Sequence[recording.AnyRecording],
     motions: Sequence[JointMotion] = (),
 ) -> Accuracy | None:
     """Expected beside found, by an estimate from all of the records; None where not assessed.
@@ -182,11 +172,11 @@ class Identification:
 
 
 def identify(
-    records: AnyRecordLike | Sequence[AnyRecordLike],
+    records: recording.AnyRecordLike | Sequence[recording.AnyRecordLike],
     robot: RobotLike,
     settings: IdentifySettings | None = None,
     *,
-    validation: RecordLike | None = None,
+    validation: recording.RecordLike | None = None,
     validation_start_s: float | None = None,
     validation_stop_s: float | None = None,
     partial: str | Path | None = None,
@@ -218,14 +208,16 @@ def identify(
     settings = settings or IdentifySettings()
     robot = load_robot(robot, mount=settings.mount)
     # The same result whatever the order of the files.
-    several = sorted(open_any(as_list(records), robot), key=fingerprint)
-    other = None if validation is None else open_record(validation, robot)
+    several = sorted(
+        recording.open_any(recording.as_list(records), robot), key=recording.fingerprint
+    )
+    other = None if validation is None else recording.open_record(validation, robot)
     if not several:
         raise InputError("needs at least one record")
-    held = [record for record in several if isinstance(record, ExperimentRecord)]
+    held = [record for record in several if isinstance(record, recording.ExperimentRecord)]
     # Matrices of sixty columns: a second BLAS thread spins more than it helps.
     with threadpool_limits(limits=1, user_api="blas"):
-        if len(held) < len(several) or sum(record.samples for record in held) > LONG:
+        if len(held) < len(several) or sum(record.samples for record in held) > recording.LONG:
             keep = None if partial is None else Path(partial)
             fitted = fit_long(
                 several, robot, settings, partial=keep, beside=beside, progress=progress
@@ -257,7 +249,7 @@ def identify(
 
 
 def fit_records(
-    records: Sequence[ExperimentRecord],
+    records: Sequence[recording.ExperimentRecord],
     robot: RobotModel,
     settings: IdentifySettings,
     progress: Progress | None = None,

@@ -9,18 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from dynid import identification
 from dynid.core import InputError, Progress, Workers, each, read_arrays, silent, write_arrays
-from dynid.identification import (
-    Estimate,
-    PanelRows,
-    PassPlan,
-    PhysicallyConsistent,
-    RowSums,
-    no_sums,
-    plan_pass,
-    sum_rows,
-    sums_from,
-)
 from dynid.recording import AnyRecording, ExperimentRecord, checked_records, fingerprint
 from dynid.robot import RobotModel
 from dynid.settings import IdentifySettings
@@ -58,7 +48,7 @@ CHOOSING_SHARE = 0.3
 class Looked:
     """An estimate, and the recordings that are looked at for faults."""
 
-    estimate: Estimate
+    estimate: identification.Estimate
     training: ValidationResult
     records: tuple[ExperimentRecord, ...]
     window: ProcessingSettings
@@ -118,7 +108,7 @@ def fit_long(
         lambda what, share: tell(what, CHOOSING_SHARE * share),
     )
     estimator = found.estimator
-    if isinstance(estimator, PhysicallyConsistent):
+    if isinstance(estimator, identification.PhysicallyConsistent):
         estimator = replace(estimator, by_regions=False)
         found = replace(found, estimator=estimator)
     if not estimator.by_factors:
@@ -143,7 +133,7 @@ def fit_long(
     if len(recordings) > 1:
         groups = [_left_out_with(k, len(recordings)) for k in part.sources]
         sources = np.repeat(np.array(groups, dtype=np.intp), found.lengths)
-    planned = plan_pass(found.model, found.samples, estimator, rows, sources)
+    planned = identification.plan_pass(found.model, found.samples, estimator, rows, sources)
     sums = _run_pass(
         everything,
         planned.plan,
@@ -208,7 +198,7 @@ class _PassPart:
     """Some samples of one recording, for a worker."""
 
     signals: LongSignals
-    plan: PassPlan
+    plan: identification.PassPlan
     first: int
     last: int
     rows_before: int
@@ -217,34 +207,34 @@ class _PassPart:
     left_out_with: int
 
 
-def _sum_part(part: _PassPart) -> RowSums:
+def _sum_part(part: _PassPart) -> identification.RowSums:
     """The sums of a part, in any process."""
     signals, passed = part.signals, part.signals.settings.torque_filter
     reach = 0 if passed is None else passed.reach(signals.grid.rate_hz)
     wide = max(part.first - reach, 0)
     samples = signals.samples(wide, min(part.last + reach, signals.count))
     inner = slice(part.first - wide, part.last - wide)
-    panels = PanelRows(part.plan.base)
-    return sum_rows(
+    panels = identification.PanelRows(part.plan.base)
+    return identification.sum_rows(
         panels, part.plan, samples, inner, part.rows_before, part.rows, part.left_out_with
     )
 
 
 def _run_pass(
     everything: Sequence[LongSignals],
-    plan: PassPlan,
+    plan: identification.PassPlan,
     *,
     beside: Workers,
     partial: Path | None,
     tell: Progress,
-) -> RowSums:
+) -> identification.RowSums:
     """Sum all rows, from where the interrupted pass of the file `partial` stopped."""
     parts = list(_parts(everything, plan))
-    sums = no_sums(everything[0].robot.joints, plan.base.rank)
+    sums = identification.no_sums(everything[0].robot.joints, plan.base.rank)
     done, key = 0, _key(parts)
     if partial is not None:
         done, sums = _kept(partial, key, sums)
-    waiting: dict[int, RowSums] = {}
+    waiting: dict[int, identification.RowSums] = {}
     saved = time.monotonic()
     offset, todo = done, parts[done:]
     for number, found in each(_sum_part, todo, beside):
@@ -270,7 +260,7 @@ def _rows(signals: LongSignals) -> int:
     return (signals.used.stop - signals.used.start) // signals.block
 
 
-def _parts(everything: Sequence[LongSignals], plan: PassPlan) -> Iterator[_PassPart]:
+def _parts(everything: Sequence[LongSignals], plan: identification.PassPlan) -> Iterator[_PassPart]:
     rows = sum(_rows(signals) for signals in everything)
     before = 0
     for recording, signals in enumerate(everything):
@@ -304,9 +294,11 @@ def _key(parts: Sequence[_PassPart]) -> str:
     return digest.hexdigest()
 
 
-def _kept(path: Path, key: str, nothing: RowSums) -> tuple[int, RowSums]:
+def _kept(
+    path: Path, key: str, nothing: identification.RowSums
+) -> tuple[int, identification.RowSums]:
     """Parts done and their sums; none where the file is another pass's, or damaged."""
     arrays = read_arrays(path)
     if str(arrays.pop("key", "")) != key:
         return 0, nothing
-    return int(arrays.pop("done")), sums_from(arrays)
+    return int(arrays.pop("done")), identification.sums_from(arrays)
