@@ -19,7 +19,7 @@ import pinocchio as pin
 from shared.measuring import ROOT, fastest
 
 from dynid.export import write_model
-from dynid.export.c_code import c_prefix
+from dynid.export.generated_code import c_prefix
 from dynid.export.verification import C_FLAGS, c_compiler
 from dynid.identification import Estimate, inertial_prior
 from dynid.regressor import FrictionTerms, Gear, InverseDynamicModel, LoadFriction, TorqueRipple

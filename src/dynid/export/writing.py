@@ -11,9 +11,8 @@ import numpy as np
 
 from dynid.core import Array, DynidError, InputError, JobError, in_one_piece
 from dynid.export import robot_xml
-from dynid.export.c_code import c_code, c_prefix
+from dynid.export.generated_code import c_code, c_prefix, python_code
 from dynid.export.model import ExportModel, NearestFriction, completed_model, nearest_friction
-from dynid.export.python_code import python_code
 from dynid.export.robot_xml import left_out, stand_in_words
 from dynid.export.verification import (
     STATES,
