@@ -22,7 +22,6 @@ from dynid.core import (
     write_json,
 )
 from dynid.identification.selection.assessment import Assessment, assessment_from_json
-from dynid.identification.selection.regions import conditions
 from dynid.identification.statistics import relative_std_percent
 from dynid.regressor import CHUNK, InverseDynamicModel, terms_from_json
 from dynid.robot import robot_from_json, robot_to_json
@@ -239,8 +238,7 @@ class Estimate:
             stack = self.model.stack(q[part], dq[part], ddq[part], state=now)
             columns = stack[list(self.independent)]
             moving = np.abs(dq[part].T) > interval.slowest[:, None]
-            there = conditions(self.names, self.values, columns, moving)
-            width[part] = interval.half_width(columns, there, level).T
+            width[part] = interval.half_width(self.names, self.values, columns, moving, level).T
         return read_only(width)
 
     def standard_table(self) -> list[dict[str, Any]] | None:

@@ -26,6 +26,26 @@ EXTRA_WIDTH = 0.01
 """Width inside candidate columns that have a step, until the joint's own is known [rad/s]."""
 
 
+@dataclass(frozen=True, slots=True)
+class JointChoice:
+    """What one joint has been given; indices into the lists of candidates."""
+
+    width: int
+    terms: frozenset[int]
+    displacement: int | None = None
+    """Of presliding friction, which then takes the place of the step; None without."""
+
+    @property
+    def step(self) -> int:
+        """Index into the steps of `CandidateColumns`."""
+        return self.width if self.displacement is None else len(WIDTHS) + self.displacement
+
+    @property
+    def size(self) -> int:
+        """Terms beside the paper's; presliding counts as one."""
+        return len(self.terms) + (self.displacement is not None)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CandidateColumns:
     """One step a width for each stepped term, then the extra terms, those with one a step last.
@@ -105,6 +125,14 @@ class CandidateColumns:
             steps.append(first + min(k, plain) + behind)
         return tuple(steps)
 
+    def moves(self, now: JointChoice) -> list[JointChoice]:
+        """The choices one move away from one; widths differ where a term has a step."""
+        widths = range(len(WIDTHS) if self.stepped else 1)
+        found = [replace(now, width=k, displacement=None) for k in widths]
+        found += [replace(now, displacement=k) for k in range(len(self.displacements))]
+        found += [replace(now, terms=now.terms ^ {term}) for term in range(len(self.extras))]
+        return [move for move in found if move != now]
+
     def _column(self, term: str, dq: Array, width: float) -> Array:
         shape = regressor.FrictionTerms(width=width, stribeck_velocity=self.stribeck_velocity)
         velocity = dq[None]
@@ -115,46 +143,6 @@ EXTRA_TERMS = ("fo", "fca", "fva", "fr", *WITH_STEP)
 """Terms that a joint may take beside the paper's."""
 PLAIN_WIDTH = WIDTHS.index(0.01)
 """Where every joint begins."""
-
-
-@dataclass(frozen=True, slots=True)
-class JointChoice:
-    """What one joint has been given; indices into the lists of candidates."""
-
-    width: int
-    terms: frozenset[int]
-    displacement: int | None = None
-    """Of presliding friction, which then takes the place of the step; None without."""
-
-    @property
-    def step(self) -> int:
-        """Index into the steps of `CandidateColumns`."""
-        return self.width if self.displacement is None else len(WIDTHS) + self.displacement
-
-    @property
-    def size(self) -> int:
-        """Terms beside the paper's; presliding counts as one."""
-        return len(self.terms) + (self.displacement is not None)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Moves:
-    """Which choices a joint has."""
-
-    extras: int
-    """Number of terms that may be added."""
-    widths: int
-    """Number of widths; 1 where no term has a step."""
-    presliding: bool
-    """Whether friction may build up over a displacement."""
-
-    def after(self, now: JointChoice) -> list[JointChoice]:
-        """The choices one move away from a choice."""
-        moves = [replace(now, width=k, displacement=None) for k in range(self.widths)]
-        if self.presliding:
-            moves += [replace(now, displacement=k) for k in range(len(DISPLACEMENTS))]
-        moves += [replace(now, terms=now.terms ^ {term}) for term in range(self.extras)]
-        return [move for move in moves if move != now]
 
 
 def chosen_friction(

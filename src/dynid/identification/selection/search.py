@@ -108,7 +108,9 @@ def select(
     prior = near[0]
     choices, now = search.descend(trials[best], choices, prior)
     # Friction chosen, the cut-off may move to a neighbour.
-    for near in _neighbours(trials, best):
+    for near in (best - 1, best + 1):
+        if not (0 <= near < len(trials) and trials[near].velocity == trials[best].velocity):
+            continue
         tell("cut-off", 0.75)
         blocks = search.blocks(trials[near])
         other = search.scores(blocks, choices, search.weights(blocks, choices, prior), prior)
@@ -184,11 +186,3 @@ def _settings_to_try(
         for source in sources
         for cutoff in cutoffs
     )
-
-
-def _neighbours(trials: tuple[ProcessingSettings, ...], index: int) -> list[int]:
-    return [
-        k
-        for k in (index - 1, index + 1)
-        if 0 <= k < len(trials) and trials[k].velocity == trials[index].velocity
-    ]
