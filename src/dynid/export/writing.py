@@ -247,9 +247,8 @@ def write_model(estimate: EstimateLike, path: str | Path, to: str, note: str = "
 def simulator_obstacle(estimate: Estimate) -> str:
     """Why the model of an estimate cannot be written for a simulator; empty where it can.
 
-    Args:
-        estimate: The estimate. MuJoCo has the strictest rules: inertias, motor inertias and
-            friction of every joint must be physically possible.
+    MuJoCo has the strictest rules: inertias, motor inertias and friction of every joint must be
+    physically possible.
     """
     try:
         model, completed = completed_model(estimate)

@@ -72,11 +72,7 @@ class Axis:
         return placed
 
     def ticks(self, most: int) -> tuple[tuple[float, str], ...]:
-        """Values with their texts.
-
-        Args:
-            most: About how many there is room for.
-        """
+        """Values with their texts, about as many at most as there is room for."""
         if self.names:
             return tuple((float(k), name) for k, name in enumerate(self.names))
         if self.bounds:

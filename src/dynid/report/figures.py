@@ -84,11 +84,7 @@ def _rounded_up(value: float) -> float:
 
 
 def torque_figure(item: ReportedEstimate) -> draw.Figure | None:
-    """All joints, the worst first; None without a prediction.
-
-    Args:
-        item: The estimate.
-    """
+    """All joints, the worst first; None without a prediction."""
     result = item.shown
     if result is None:
         return None
@@ -109,8 +105,7 @@ def _friction_torque(estimate: Estimate, speeds: Array) -> Array:
 def friction_figure(item: ReportedEstimate) -> draw.Figure | None:
     """Measured torque less the rigid body's, over velocity, with the model's friction.
 
-    Args:
-        item: The estimate; None without a prediction.
+    None without a prediction.
     """
     result, estimate = item.shown, item.estimate
     if result is None:
@@ -170,8 +165,7 @@ def friction_figure(item: ReportedEstimate) -> draw.Figure | None:
 def links_figure(item: ReportedEstimate) -> draw.Figure | None:
     """Masses and centres less those of the prior, with intervals, and how much of them is data.
 
-    Args:
-        item: The estimate; None where its links are not known.
+    None where the links are not known.
     """
     found = item.links
     if found is None:
@@ -311,11 +305,7 @@ def models_figure(item: ReportedEstimate) -> draw.Figure | None:
 
 
 def parameter_figure(estimate: Estimate) -> draw.Figure:
-    """Each base parameter with its 95 % interval, over the size of its kind.
-
-    Args:
-        estimate: The estimate; parameters that are not significant are hollow.
-    """
+    """Each base parameter with its 95 % interval; those that are not significant are hollow."""
     kinds = list(dict.fromkeys(estimate.units))
     panels: list[draw.Panel] = []
     for unit in kinds:

@@ -43,11 +43,7 @@ _TICK_WHILE_RUNNING_S = 0.2
 
 
 class Page:
-    """What all visitors see and do.
-
-    Args:
-        opened: What the studio starts with.
-    """
+    """What all visitors see and do, beginning with what was opened."""
 
     def __init__(self, opened: Opened) -> None:
         self._open(opened)

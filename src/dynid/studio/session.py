@@ -62,10 +62,7 @@ class ShownVerdict:
 
 
 class Session:
-    """All that several visitors of the page share.
-
-    Args:
-        opened: What the studio starts with.
+    """All that several visitors of the page share, beginning with what was opened.
 
     Raises:
         InputError: A scene that is none.

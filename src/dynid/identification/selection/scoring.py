@@ -90,9 +90,7 @@ class Scores:
 def gain_of(before: Array, after: Array) -> tuple[float, float]:
     """How much lower the sum over joints of log RMS is, and its standard error over the parts.
 
-    Args:
-        before: (n, F) sums of squared errors by joint and part left out.
-        after: The same of another model.
+    From sums of squared errors (n, F) by joint and part left out of two models.
     """
     total = np.maximum(before.sum(axis=1) + after.sum(axis=1), 1e-300)
     parts = ((before - after) / total[:, None]).sum(axis=0)
