@@ -24,6 +24,7 @@ from dynid.identification.estimate import read_estimate as read_estimate
 from dynid.identification.estimate import write_estimate as write_estimate
 from dynid.identification.fitting import ESTIMATORS as ESTIMATORS
 from dynid.identification.fitting import AllRows as AllRows
+from dynid.identification.fitting import EstimateSource as EstimateSource
 from dynid.identification.fitting import estimator_of as estimator_of
 from dynid.identification.fitting import fit_estimate as fit_estimate
 from dynid.identification.fitting import plan_pass as plan_pass

@@ -6,8 +6,8 @@ columns beside them. QR of each record removes its own columns; what is left of 
 the shared parameters; back-substitution gives the rest. No matrix is larger than one record's.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,20 +15,17 @@ from dynid.core import (
     Array,
     InputError,
     JobError,
-    Provenance,
     inverse_upper,
     solve_upper,
     upper_triangle,
 )
 from dynid.identification.bayesian import symbol_of
 from dynid.identification.estimate import Estimate
-from dynid.identification.fitting import judged
+from dynid.identification.fitting import EstimateSource, judged
 from dynid.identification.least_squares import Fit, autocorrelation
 from dynid.identification.problem import IdentificationProblem, block_mean, recorded_rows
 from dynid.identification.statistics import correlation_lag, long_run_covariance
-from dynid.recording import ExperimentRecord
 from dynid.reduction import BaseParametrization
-from dynid.signals import ProcessingSettings
 
 INERTIAS = ("Im", "Imm")
 """Columns after the links' that belong to the robot, not to its friction."""
@@ -388,19 +385,13 @@ def base_order(problem: SharedProblem, fit: SharedFit, record: int) -> list[int]
 
 
 def shared_estimates(
-    problem: SharedProblem,
-    fit: SharedFit,
-    *,
-    records: Sequence[ExperimentRecord],
-    settings: ProcessingSettings,
-    preset: str,
-    choices: tuple[str, ...],
-    made: Provenance,
+    problem: SharedProblem, fit: SharedFit, source: EstimateSource
 ) -> tuple[Estimate, ...]:
-    """One estimate a record, all with the same inertias; see `fit_estimate` for the keywords."""
+    """One estimate a record, all with the same inertias."""
     flat = np.concatenate([fit.solution.own.ravel(), fit.solution.shared])
+    words = (*source.choices, f"inertias shared by {len(problem.problems)} records")
     found: list[Estimate] = []
-    for k, (item, record) in enumerate(zip(problem.problems, records, strict=True)):
+    for k, (item, record) in enumerate(zip(problem.problems, source.records, strict=True)):
         order = base_order(problem, fit, k)
         values, naive = flat[order], fit.naive[np.ix_(order, order)]
         scale = np.sqrt(np.diag(naive))
@@ -416,14 +407,10 @@ def shared_estimates(
             judged(
                 item,
                 plain,
-                [record],
-                settings,
+                replace(source, records=[record], choices=words),
                 covariance=fit.covariance[np.ix_(order, order)],
                 naive_std=scale,
                 estimator=ESTIMATOR,
-                preset=preset,
-                choices=(*choices, f"inertias shared by {len(problem.problems)} records"),
-                provenance=made,
                 residual_autocorrelation=autocorrelation(item.residual(values), 1),
             )
         )

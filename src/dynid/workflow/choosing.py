@@ -152,33 +152,21 @@ class Prepared:
     lengths: tuple[int, ...]
     """Samples of each recording."""
     estimator: identification.Estimator
-    processing: ProcessingSettings
-    choice: identification.Selection | None
-    """What was chosen by what is left out; None with the preset `paper`."""
-    words: tuple[str, ...]
-    """The same in words."""
+    source: identification.EstimateSource
+    near_weights: tuple[float, ...]
+    """Of the published inertias, as chosen by what is left out; empty with the preset `paper`."""
 
     def fit(
-        self,
-        records: Sequence[ExperimentRecord],
-        preset: str,
-        made: Provenance,
-        everything: identification.AllRows | None = None,
-        words: tuple[str, ...] = (),
+        self, everything: identification.AllRows | None = None, words: tuple[str, ...] = ()
     ) -> identification.Estimate:
         """The estimate, from the samples or from all rows of which they are a part."""
         return identification.fit_estimate(
             self.model,
             self.samples,
             self.estimator,
-            records=records,
-            settings=self.processing,
-            preset=preset,
-            choices=(*self.words, *words),
-            made=made,
+            replace(self.source, choices=(*self.source.choices, *words)),
             lengths=self.lengths if everything is None else (),
-            prior_weight=0.0 if self.choice is None else self.choice.prior_weight,
-            near_weights=() if self.choice is None else self.choice.near_weights,
+            near_weights=self.near_weights,
             everything=everything,
         )
 
@@ -207,6 +195,7 @@ def prepare(
     robot: RobotModel,
     settings: IdentifySettings,
     processing: ProcessingSettings,
+    made: Provenance,
     progress: Progress | None = None,
 ) -> Prepared:
     """Choose, process, and find the shapes that a fit takes as given.
@@ -234,9 +223,14 @@ def prepare(
         samples=samples,
         lengths=tuple(part.count for part in parts),
         estimator=estimator,
-        processing=processing,
-        choice=choice,
-        words=(*words, *(ripple.describe() for ripple in model.friction.ripples)),
+        source=identification.EstimateSource(
+            records=records,
+            settings=processing,
+            preset=settings.preset,
+            choices=(*words, *(ripple.describe() for ripple in model.friction.ripples)),
+            made=made,
+        ),
+        near_weights=() if choice is None else choice.near_weights,
     )
 
 

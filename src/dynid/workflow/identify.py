@@ -258,8 +258,8 @@ def fit_records(
     require_cutoff(min(record.rate_hz for record in records), settings.cutoff_hz)
     for record in records:
         require_torques([record], robot)
-    found = prepare(records, robot, settings, asked_processing(records, settings), progress)
-    estimate = found.fit(records, settings.preset, made_from(records, settings))
+    processing, made = asked_processing(records, settings), made_from(records, settings)
+    estimate = prepare(records, robot, settings, processing, made, progress).fit()
     training = reproduce(estimate, records[0], start_s=settings.start_s, stop_s=settings.stop_s)
     return Looked(
         estimate=estimate, training=training, records=tuple(records), window=estimate.settings

@@ -105,6 +105,7 @@ def fit_long(
         robot,
         settings,
         processing,
+        made_from(recordings, settings),
         lambda what, share: tell(what, CHOOSING_SHARE * share),
     )
     estimator = found.estimator
@@ -119,7 +120,7 @@ def fit_long(
             next_step="Take ols, wls, tls or sdp, or a window with --from and --to.",
         )
     settled = replace(
-        found.processing,
+        found.source.settings,
         cutoff_hz=found.samples.cutoff_hz,
         start_s=settings.start_s,
         stop_s=settings.stop_s,
@@ -147,13 +148,7 @@ def fit_long(
         f"long recordings: choices from {len(part.pieces)} stretches of {duration:.3g} s, fit of "
         f"all {rows} rows by {method}"
     )
-    estimate = found.fit(
-        part.pieces,
-        settings.preset,
-        made_from(recordings, settings),
-        replace(planned, sums=sums),
-        (words,),
-    )
+    estimate = found.fit(replace(planned, sums=sums), (words,))
     return Looked(
         estimate=replace(estimate, settings=settled),
         training=reproduce(estimate, looked_at),

@@ -110,15 +110,14 @@ def identify_shared(
             problems=tuple(problem_of(model, one) for one in samples)
         )
         fit = identification.fit_shared(problem)
-        estimates = identification.shared_estimates(
-            problem,
-            fit,
+        source = identification.EstimateSource(
             records=several,
             settings=processing,
             preset=settings.preset,
             choices=words,
             made=made_from(several, settings),
         )
+        estimates = identification.shared_estimates(problem, fit, source)
     return SharedIdentification(estimates=estimates, problem=problem, fit=fit)
 
 

@@ -120,7 +120,6 @@ def assess(
     problem: IdentificationProblem,
     fit: Fit,
     *,
-    prior_weight: float = 0.0,
     near_weights: Sequence[float] = (),
     lengths: Sequence[int] = (),
     cells: LeftOutCells | None = None,
@@ -130,8 +129,8 @@ def assess(
     Args:
         problem: The samples of all recordings, with the model that was fitted.
         fit: The fit to all of them.
-        prior_weight: See `TowardPublished`; 0 where no published inertias were used.
-        near_weights: Weights that score as well.
+        near_weights: Weights of the published inertias that score alike, the fit's last, see
+            `TowardPublished`; empty where they were not used.
         lengths: Samples of each recording, if there are several.
         cells: Products of more rows than the problem has, which then calibrates intervals only.
     """
@@ -141,7 +140,7 @@ def assess(
     count = float(blocks.rows[0].sum())
     known = published_prior(problem.base)
     prior = gram.Shrinkage(mean=known.mean, precision=known.precision)
-    strength = max(prior_weight, WEAKEST) * count
+    strength = max(near_weights[-1] if near_weights else 0.0, WEAKEST) * count
     weights = 1.0 / np.maximum(fit.noise, 1e-12)
     fitted = _LeftOut(blocks.merged(keys[0]), weights, prior.times(strength), n)
     timed = _LeftOut(blocks.merged(keys[1]), weights, prior.times(strength), n)

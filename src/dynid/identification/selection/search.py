@@ -40,10 +40,8 @@ class Selection:
 
     settings: ProcessingSettings
     friction: FrictionTerms
-    prior_weight: float
-    """Of the published inertias, see `TowardPublished`; 0 for none."""
     near_weights: tuple[float, ...]
-    """Weights that score as well, to a standard error."""
+    """Weights of the published inertias that score alike, to a standard error; 0 for none."""
     score: float
     """Sum over joints of log RMS of the left-out error [log N.m], rows that count."""
     noise: Array
@@ -51,6 +49,11 @@ class Selection:
     purpose: str
     delays_std_s: tuple[float, ...] | None
     """(n) standard deviations of the measured delays [s]; None where they were given."""
+
+    @property
+    def prior_weight(self) -> float:
+        """That of the published inertias: the largest, see `TowardPublished`."""
+        return self.near_weights[-1]
 
 
 def select(
@@ -127,7 +130,6 @@ def select(
     return Selection(
         settings=settings,
         friction=search.friction(settings, choices, near_weights[-1]),
-        prior_weight=near_weights[-1],
         near_weights=near_weights,
         score=now.value,
         noise=now.noise,
