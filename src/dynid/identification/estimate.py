@@ -278,6 +278,21 @@ class Estimate:
             for k, (name, unit) in enumerate(zip(self.names, self.units, strict=True))
         ]
 
+    def summary(self) -> dict[str, Any]:
+        """What both the file and the result of an identification state, as JSON has it."""
+        return {
+            "base_parameters": len(self.values),
+            "standard_parameters": len(self.model.columns),
+            **{name: getattr(self, name) for name in _STATED},
+            "frames": self.model.frames,
+            "friction": self.model.friction.to_json(),
+            "parameters": self.parameter_table(),
+            "settings": self.settings.to_json(),
+            "choices": list(self.choices),
+            **({} if self.standard is None else {"standard": self.standard_table()}),
+            **({} if self.assessment is None else {"assessment": self.assessment.to_json()}),
+        }
+
 
 FORMAT = "dynid-estimate"
 VERSION = 1
@@ -288,15 +303,15 @@ def _array(values: Iterable[Any]) -> Array:
     return np.array(list(values), dtype=np.float64)
 
 
-_SAME: dict[str, Callable[[Any], Any]] = {
+_ARRAYS = ("covariance", "noise", "residual_autocorrelation")
+_STATED: dict[str, Callable[[Any], Any]] = {
     **dict.fromkeys(("estimator", "preset"), str),
     **dict.fromkeys(
         ("condition_number", "scaled_condition_number", "motion_condition_number"), float
     ),
     "samples": int,
-    **dict.fromkeys(("covariance", "noise", "residual_autocorrelation"), _array),
 }
-"""Fields that the file keeps by their own names, and how they are read."""
+"""Fields that keep their own names, and how they are read."""
 _MAKE = "Make one with: dynid identify RECORD -o ESTIMATE.json"
 
 
@@ -305,22 +320,14 @@ def estimate_to_json(estimate: Estimate) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "version": VERSION,
-        **{name: plain(getattr(estimate, name)) for name in _SAME},
-        "base_parameters": len(estimate.values),
-        "standard_parameters": len(estimate.model.columns),
+        **estimate.summary(),
+        **{name: plain(getattr(estimate, name)) for name in _ARRAYS},
         "degrees_of_freedom": estimate.degrees_of_freedom,
-        "frames": estimate.model.frames,
-        "friction": estimate.model.friction.to_json(),
         "independent": list(estimate.independent),
-        "parameters": estimate.parameter_table(),
         "motion": plain(estimate.motion),
-        "settings": estimate.settings.to_json(),
-        "choices": list(estimate.choices),
         "warnings": [notice.to_json() for notice in estimate.warnings],
         "provenance": estimate.provenance.to_json(),
         "robot": robot_to_json(estimate.model.robot),
-        **({} if estimate.standard is None else {"standard": estimate.standard_table()}),
-        **({} if estimate.assessment is None else {"assessment": estimate.assessment.to_json()}),
     }
 
 
@@ -367,6 +374,7 @@ def _estimate(data: dict[str, Any]) -> Estimate:
     if settings.get("torque_filter") is not None:
         settings["torque_filter"] = TorqueFilter(**settings["torque_filter"])
     table: list[dict[str, Any]] = data["parameters"]
+    kept: dict[str, Callable[[Any], Any]] = {**_STATED, **dict.fromkeys(_ARRAYS, _array)}
     return Estimate(
         model=InverseDynamicModel(
             robot=robot_from_json(data["robot"]),
@@ -385,7 +393,7 @@ def _estimate(data: dict[str, Any]) -> Estimate:
         provenance=provenance_from_json(JsonFields(data).object("provenance")),
         standard=_standard(data.get("standard")),
         assessment=assessment_from_json(data["assessment"]) if "assessment" in data else None,
-        **{name: read(data[name]) for name, read in _SAME.items()},
+        **{name: read(data[name]) for name, read in kept.items()},
     )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid import recording
-from dynid.core import Finding, InputError, Progress, Workers, told
+from dynid.core import Finding, InputError, Progress, Workers, plain, told
 from dynid.diagnosis import diagnose
 from dynid.identification import Estimate
 from dynid.robot import RobotLike, RobotModel, load_robot
@@ -68,14 +68,15 @@ class Accuracy:
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
-        values = {
-            "expected_percent": self.expected_percent,
-            "found_percent": self.found_percent,
-            "found_bound_percent": self.bound_percent,
-            "noise_percent": self.noise_percent,
-        }
-        known = {name: x if math.isfinite(x) else None for name, x in values.items()}
-        return {**known, "left_out": self.left_out}
+        return plain(
+            {
+                "expected_percent": self.expected_percent,
+                "found_percent": self.found_percent,
+                "found_bound_percent": self.bound_percent,
+                "noise_percent": self.noise_percent,
+                "left_out": self.left_out,
+            }
+        )
 
     def describe(self) -> str:
         """One sentence."""
@@ -149,25 +150,11 @@ class Identification:
         estimate = self.estimate
         return {
             "robot": estimate.model.robot.name,
-            "standard_parameters": len(estimate.model.columns),
-            "base_parameters": len(estimate.values),
-            "condition_number": estimate.condition_number,
-            "scaled_condition_number": estimate.scaled_condition_number,
-            "motion_condition_number": estimate.motion_condition_number,
-            "samples": estimate.samples,
-            "estimator": estimate.estimator,
-            "preset": estimate.preset,
-            "choices": list(estimate.choices),
-            "settings": estimate.settings.to_json(),
-            "friction": estimate.model.friction.to_json(),
-            "frames": estimate.model.frames,
-            "parameters": estimate.parameter_table(),
+            **estimate.summary(),
             "training": self.training.to_json(),
             "validation": self.validation and self.validation.to_json(),
             **told(self.warnings),
             "accuracy": self.accuracy and self.accuracy.to_json(),
-            **({} if estimate.standard is None else {"standard": estimate.standard_table()}),
-            **({"assessment": estimate.assessment.to_json()} if estimate.assessment else {}),
         }
 
 
