@@ -202,29 +202,9 @@ def studio_command(
         serve(path, ready, stop, robot=robot, host=host, token=token, port=port)
 
 
-def register_bench(app: typer.Typer) -> None:
-    """Add the command group."""
-    group = typer.Typer(help="Comparison of methods on arms with known parameters.")
-    group.callback()(_root)
-    group.command(
-        "estimators",
-        epilog=ask.examples(
-            "dynid bench estimators", "dynid bench estimators --only ols,iv,didim --seeds 5 --json"
-        ),
-    )(_estimators)
-    group.command(
-        "verdicts",
-        epilog=ask.examples(
-            "dynid bench verdicts", "dynid bench verdicts --clean 300 --each 60 --seed 1 --json"
-        ),
-    )(_verdicts)
-    app.add_typer(group, name="bench", rich_help_panel=None)
-
-
-def _root() -> None:
-    """Comparison of methods on arms with known parameters."""
-
-
+@ask.command(
+    "dynid bench estimators", "dynid bench estimators --only ols,iv,didim --seeds 5 --json"
+)
 def _estimators(
     only: Annotated[str | None, ask.option("WORD,..", "Some of the words of --estimator.")] = None,
     seeds: Annotated[int, ask.option("N", "Trajectories and noises.", min=1)] = 3,
@@ -264,6 +244,7 @@ def _estimators(
     )
 
 
+@ask.command("dynid bench verdicts", "dynid bench verdicts --clean 300 --each 60 --seed 1 --json")
 def _verdicts(
     clean: Annotated[int, ask.option("N", "Clean recordings.", min=0)] = 12,
     each: Annotated[int, ask.option("N", "Recordings of each fault, over three sizes.", min=0)] = 3,
@@ -299,6 +280,14 @@ def _verdicts(
     show.console().print(
         markdown(told, f"Seed {seed}, preset {preset}"), soft_wrap=True, markup=False
     )
+
+
+def register_bench(app: typer.Typer) -> None:
+    """Add the command group."""
+    group = typer.Typer(help="Comparison of methods on arms with known parameters.")
+    for name, item in {"estimators": _estimators, "verdicts": _verdicts}.items():
+        group.command(name, epilog=item.epilog)(item.run)
+    app.add_typer(group, name="bench", rich_help_panel=None)
 
 
 @ask.command("dynid demo -o runs/demo", "dynid demo -o runs/demo --quick --json")
