@@ -19,9 +19,8 @@ from dynid.studio import facts
 from dynid.studio.facts import judged_estimates
 from dynid.studio.jobs import Job, JobState, Supervisor
 from dynid.studio.live import TailReader
-from dynid.studio.opening import Opened, kind_of, open_path
 from dynid.studio.scene_editing import KINDS, SceneEditor, open_scene
-from dynid.studio.session import Session, file_in, free_name
+from dynid.studio.session import Opened, Session, file_in, free_name, kind_of, open_path
 from dynid.studio.solids import robot_meshes
 from dynid.workflow import export_file
 
