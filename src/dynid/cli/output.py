@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dynid.core import InputError, plain, require_absent
+from dynid.core import InputError, require_absent
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -26,6 +26,8 @@ LONGEST_WORD = 20
 
 def print_json(data: Mapping[str, Any]) -> None:
     """Print one JSON object; numbers that are not finite become null."""
+    from dynid.core import plain
+
     print(json.dumps(plain(data), allow_nan=False))
 
 

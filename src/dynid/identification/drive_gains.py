@@ -179,14 +179,6 @@ class WeighedSystem:
         return wide, np.asarray(fixed, dtype=np.float64)
 
 
-def factored(system: WeighedSystem) -> tuple[Array, Array, Array]:
-    """Columns (R, n, h, size), known torques and currents (R, n, h), as square roots."""
-    factors = np.array([system.problem.factors(k) for k in range(len(system.problem.problems))])
-    columns = np.moveaxis(factors[..., :-1], -1, 1)
-    wide, fixed = zip(*(system.spread(k, rows) for k, rows in enumerate(columns)), strict=True)
-    return np.moveaxis(np.array(wide), 1, -1), np.array(fixed), factors[..., -1]
-
-
 ITERATIONS = 50
 CONVERGED = 1e-9
 RUNAWAY = 30.0
@@ -223,7 +215,11 @@ def weighed_gains(
     """
     system = WeighedSystem(problem=problem, turn=turn, known=known)
     records, joints = len(problem.problems), problem.joints
-    data = factored(system)
+    # Columns (R, n, h, size), known torques and currents (R, n, h), as square roots.
+    factors = np.array([problem.factors(k) for k in range(records)])
+    rows = enumerate(np.moveaxis(factors[..., :-1], -1, 1))
+    wide, fixed = zip(*(system.spread(k, columns) for k, columns in rows), strict=True)
+    data = np.moveaxis(np.array(wide), 1, -1), np.array(fixed), factors[..., -1]
     blocks = np.array([item.blocks for item in problem.problems])
     scale = np.linalg.norm(data[2], axis=2) / np.sqrt(blocks)[:, None]
     if start is None:

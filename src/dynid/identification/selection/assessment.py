@@ -192,22 +192,16 @@ class _LeftOut:
         return gram.solutions(matrix.sum(axis=0)[None], vector.sum(axis=0)[None], shrinkage)
 
 
-def _parts(problem: IdentificationProblem, lengths: Sequence[int]) -> tuple[Indices, Indices]:
-    """(N) part of each row that `anywhere` leaves out, and stretch of time of each row."""
+def _cells(problem: IdentificationProblem, lengths: Sequence[int]) -> LeftOutCells:
     samples = problem.samples
-    poses = samples.q[samples.rows][:: samples.block][: problem.blocks]
     if len(lengths) > 1:
         ends = np.cumsum(lengths) // samples.block
-        regions = np.minimum(
-            np.searchsorted(ends, np.arange(problem.blocks), side="right"), len(lengths) - 1
-        )
+        recordings = np.searchsorted(ends, np.arange(problem.blocks), side="right")
+        parts = np.minimum(recordings, len(lengths) - 1)
     else:
-        regions = find_regions([poses], problem.base.model.robot.prismatic).labels(poses, 0)
-    return regions, stretches(problem.blocks)
-
-
-def _cells(problem: IdentificationProblem, lengths: Sequence[int]) -> LeftOutCells:
-    parts, blocks_of_time = _parts(problem, lengths)
+        poses = samples.q[samples.rows][:: samples.block][: problem.blocks]
+        parts = find_regions([poses], problem.base.model.robot.prismatic).labels(poses, 0)
+    blocks_of_time = stretches(problem.blocks)
     keys, cells = np.unique(np.stack([parts, blocks_of_time]), axis=1, return_inverse=True)
     blocks = gram.gram_blocks(
         ((rows, np.concatenate([c, t[None]])) for rows, c, t in problem.chunks()),
