@@ -12,13 +12,7 @@ import numpy as np
 
 from dynid.core import Array, Finding, freeze, scipy_part, told
 from dynid.identification.shared import PAYLOAD, SharedFit, SharedProblem
-from dynid.robot import (
-    PARAMETERS,
-    frame_map,
-    from_pseudo_inertia,
-    tensor,
-    to_pseudo_inertia,
-)
+from dynid.robot import PARAMETERS, frame_map, from_pseudo_inertia, tensor, to_pseudo_inertia
 
 _START = 1e-3
 """Smallest eigenvalue of the first body, over the largest."""

@@ -11,20 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynid.core import (
-    Array,
-    InputError,
-    JobError,
-    inverse_upper,
-    solve_upper,
-    upper_triangle,
-)
+from dynid.core import Array, InputError, JobError, inverse_upper, solve_upper, upper_triangle
 from dynid.identification.bayesian import symbol_of
 from dynid.identification.estimate import Estimate
 from dynid.identification.fitting import EstimateSource, judged
 from dynid.identification.least_squares import Fit, autocorrelation
 from dynid.identification.problem import IdentificationProblem, block_mean, recorded_rows
-from dynid.identification.statistics import correlation_lag, long_run_covariance
+from dynid.identification.statistics import correlation_lag, long_run_covariance, scores_of
 from dynid.reduction import BaseParametrization
 
 INERTIAS = ("Im", "Imm")
@@ -298,7 +291,8 @@ def _covariance(
     total = sum(item.blocks for item in problem.problems)
 
     def scored(k: int) -> tuple[Array, Array]:
-        local, residual = record_scores(problem, k, solution.local(k), weights[k])
+        blocks = problem.problems[k].blocks
+        local, residual = scores_of(problem.chunks(k), blocks, solution.local(k), weights[k])
         scores = np.zeros((len(naive), local.shape[1]))
         scores[k * own : (k + 1) * own], scores[records * own :] = local[:own], local[own:]
         return scores, residual
@@ -357,19 +351,6 @@ def _same_motion(a: IdentificationProblem, b: IdentificationProblem) -> bool:
     rows = min(a.samples.count, b.samples.count)
     apart = np.abs(a.samples.q[:rows] - b.samples.q[:rows]).max(axis=0)
     return bool((apart <= SAME_PLACE * np.ptp(a.samples.q, axis=0)).all())
-
-
-def record_scores(
-    problem: SharedProblem, record: int, values: Array, weights: Array
-) -> tuple[Array, Array]:
-    """Scores (w, N) and residuals (n, N) of a record."""
-    blocks = problem.problems[record].blocks
-    scores, residual = np.empty((len(values), blocks)), np.empty((problem.joints, blocks))
-    for part, columns, torque in problem.chunks(record):
-        residual[:, part] = torque - np.tensordot(values, columns, axes=1)
-        weighted = residual[:, part] * np.square(weights)[:, None]
-        scores[:, part] = np.einsum("rjt,jt->rt", columns, weighted, optimize=True)
-    return scores, residual
 
 
 ESTIMATOR = "wls, shared"
