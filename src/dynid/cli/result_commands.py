@@ -36,15 +36,16 @@ def export_command(
     json: ask.JsonFlag = False,
 ) -> None:
     """A model that other programs load, checked by loading it."""
-    from dynid.workflow import check_suffix, export_file
+    from dynid.export import check_suffix, write_model
+    from dynid.identification import open_estimate
 
     show.check_output(output, [estimate], force=force)
     check_suffix(to, output)
-    result = export_file(estimate, to, output, at_degC=at)
+    result = write_model(open_estimate(estimate, at), output, to)
     if json:
         show.print_json(result.to_json())
         return
-    screen, verified = show.console(), result.written.verified
+    screen, verified = show.console(), result.verified
     screen.print(f"{to} model written to {output}", soft_wrap=True)
     if verified.max_torque_difference is None:
         screen.print(f"Not verified: {verified.loaded_with}.")
@@ -53,9 +54,9 @@ def export_command(
             f"Verified with {verified.loaded_with}: torques differ by at most "
             f"{show.number(verified.max_torque_difference)} in {verified.states} random states."
         )
-    screen.print(f"Standard parameters: {result.written.model.origin}.")
-    if result.written.left_out:
-        screen.print(f"Not representable in {to}: {', '.join(result.written.left_out)}.")
+    screen.print(f"Standard parameters: {result.model.origin}.")
+    if result.left_out:
+        screen.print(f"Not representable in {to}: {', '.join(result.left_out)}.")
     show.print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
 
 
