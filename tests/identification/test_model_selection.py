@@ -230,7 +230,7 @@ def test_an_estimate_carries_left_out_errors_models_and_intervals(tmp_path: Path
     result = identify(run, ur5(), IdentifySettings(preset="paper"), validation=recording(5))
     told = result.estimate.assessment
     assert told is not None
-    assert [model.name for model in told.models] == [
+    assert list(told.models) == [
         "published",
         "published_friction",
         "identified",

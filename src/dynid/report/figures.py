@@ -273,19 +273,19 @@ def models_figure(item: ReportedEstimate) -> draw.Figure | None:
     told = item.estimate.assessment
     if told is None or not told.models:
         return None
-    shown = [m for m in told.models if m.name != "published"] or list(told.models)
+    shown = {name: x for name, x in told.models.items() if name != "published"} or told.models
     width, rows = 0.8 / len(shown), np.arange(len(told.torque), dtype=np.float64)
-    errors = [100 * model.rms / np.maximum(told.torque, 1e-9) for model in shown]
+    errors = [100 * rms / np.maximum(told.torque, 1e-9) for rms in shown.values()]
     marks = tuple(
         draw.Bars(
             rows + (k - (len(shown) - 1) / 2) * width,
             error,
-            MODEL_ROLES.get(model.name, "predicted"),
-            MODEL_NAMES.get(model.name, model.name),
+            MODEL_ROLES.get(name, "predicted"),
+            MODEL_NAMES.get(name, name),
             thickness=0.9 * width,
             across=True,
         )
-        for k, (model, error) in enumerate(zip(shown, errors, strict=True))
+        for k, (name, error) in enumerate(zip(shown, errors, strict=True))
     )
     highest = max(1.08 * float(np.max(errors)), 1e-6)
     names = draw.category_axis(joint_labels(item.estimate.model.robot.joint_names))

@@ -258,7 +258,7 @@ def gains_nothing(estimate: Estimate) -> tuple[Finding, ...]:
     told_by = estimate.assessment
     if told_by is None or told_by.pays is not False:
         return ()
-    errors = {model.name: float(np.linalg.norm(model.rms)) for model in told_by.models}
+    errors = {name: float(np.linalg.norm(rms)) for name, rms in told_by.models.items()}
     fitted, identified = errors["published_friction"], errors["identified"]
     return (
         Finding(

@@ -1,6 +1,6 @@
 """What a fit is worth where it was not recorded: left-out errors, rival models, intervals."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,21 +32,6 @@ WEAKEST = 1e-8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ModelError:
-    """Left-out errors of one of the rival models."""
-
-    name: str
-    """`published`: inertias as given; `published_friction`: with fitted friction and motor
-    inertia; `identified`: all identified."""
-    rms: Array
-    """(n) [N.m or N]."""
-
-    def to_json(self) -> dict[str, Any]:
-        """A JSON object."""
-        return {"name": self.name, "rms": self.rms.tolist()}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Assessment:
     """What left-out parts of the recordings say about a result, on all rows."""
 
@@ -58,8 +43,10 @@ class Assessment:
     """(n) standard deviation of what no model of the motion explains [N.m or N]."""
     torque: Array
     """(n) RMS of the measured torque [N.m or N]."""
-    models: tuple[ModelError, ...]
-    """On the parts of `anywhere`."""
+    models: Mapping[str, Array]
+    """(n) left-out errors of rival models on the parts of `anywhere` [N.m or N]: `published`, the
+    inertias as given; `published_friction`, with fitted friction and motor inertia; `identified`,
+    all identified."""
     pays: bool | None
     """Whether identifying the inertias lowers the errors, by more than their standard error;
     None where none are published."""
@@ -80,7 +67,7 @@ class Assessment:
             "expected_error_percent": self.expected_error_percent,
             "noise_floor": self.noise_floor.tolist(),
             "torque_rms": self.torque.tolist(),
-            "models": [model.to_json() for model in self.models],
+            "models": [{"name": name, "rms": rms.tolist()} for name, rms in self.models.items()],
             "identification_pays": self.pays,
             "interval": self.interval.to_json(),
         }
@@ -98,7 +85,7 @@ def assessment_from_json(data: dict[str, Any]) -> Assessment:
         this_motion=array(data["left_out_rms"]["this_motion"]),
         noise_floor=array(data["noise_floor"]),
         torque=array(data["torque_rms"]),
-        models=tuple(ModelError(name=str(m["name"]), rms=array(m["rms"])) for m in data["models"]),
+        models={str(model["name"]): array(model["rms"]) for model in data["models"]},
         pays=data["identification_pays"],
         interval=TorqueInterval(**interval),
     )
@@ -214,11 +201,10 @@ def _cells(problem: IdentificationProblem, lengths: Sequence[int]) -> LeftOutCel
 
 def _rivals(
     fitted: _LeftOut, known: PublishedPrior, joints: int
-) -> tuple[tuple[ModelError, ...], bool | None]:
+) -> tuple[dict[str, Array], bool | None]:
     """The rival models' errors, and whether identifying all beats fitting friction alone."""
-    identified = ModelError(name="identified", rms=fitted.rms)
     if not known.published:
-        return (identified,), None
+        return {"identified": fitted.rms}, None
     system, free = fitted.system, known.free
     given = system.square_errors(known.mean[None])
     # Friction and motor inertia alone: what the published inertias leave over.
@@ -232,11 +218,11 @@ def _rivals(
     friction = system.square_errors(known.mean + own @ free.T)
     gain, error = gain_of(friction, fitted.errors)
     rows = fitted.rows
-    return (
-        ModelError(name="published", rms=np.sqrt(given.sum(axis=1) / rows)),
-        ModelError(name="published_friction", rms=np.sqrt(friction.sum(axis=1) / rows)),
-        identified,
-    ), bool(gain > error)
+    return {
+        "published": np.sqrt(given.sum(axis=1) / rows),
+        "published_friction": np.sqrt(friction.sum(axis=1) / rows),
+        "identified": fitted.rms,
+    }, bool(gain > error)
 
 
 def _root(
