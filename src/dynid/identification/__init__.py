@@ -50,6 +50,7 @@ from dynid.identification.least_squares import autocorrelation as autocorrelatio
 from dynid.identification.least_squares import solve_total as solve_total
 from dynid.identification.likelihood import Likelihood as Likelihood
 from dynid.identification.likelihood import MaximumLikelihood as MaximumLikelihood
+from dynid.identification.likelihood import motion_covariance as motion_covariance
 from dynid.identification.likelihood import motion_noise as motion_noise
 from dynid.identification.payload import Payload as Payload
 from dynid.identification.payload import payload_of as payload_of
