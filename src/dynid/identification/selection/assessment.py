@@ -137,16 +137,23 @@ def assess(
     samples = problem.samples
     speed = np.abs(samples.dq[samples.rows][:: samples.block][: problem.blocks].T)
     slowest = SLOWEST * np.maximum(np.percentile(speed, 99, axis=1), 1e-9)
-    rows = _rows(problem, fitted, regions, root, strength * known.precision)
-    floor = this_motion if rows.floor is None else np.minimum(rows.floor, this_motion)
+    precision = strength * known.precision
+    index, error, lever, floor = _rows(problem, fitted, regions, root, precision)
+    # Of each row that is left out: its part, and whether its joint moves.
+    part, moves = regions[index], (speed > slowest[:, None])[:, index]
     return Assessment(
         anywhere=fitted.rms,
         this_motion=this_motion,
-        noise_floor=floor,
+        noise_floor=this_motion if floor is None else np.minimum(floor, this_motion),
         torque=fitted.torque,
         models=models,
         pays=pays,
-        interval=_calibrated(root, this_motion, rows, speed > slowest[:, None], slowest),
+        interval=TorqueInterval(
+            root=root,
+            sigma=this_motion,
+            slowest=slowest,
+            **_calibrated(this_motion, part, error, lever, moves),
+        ),
     )
 
 
@@ -248,30 +255,17 @@ def _inverse_root(matrix: Array) -> Array:
     return vectors / np.sqrt(np.maximum(values, 1e-12 * values[-1])) / scale[:, None]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _AssessedRows:
-    """Rows left out, one by one."""
-
-    index: Indices
-    """(M) which rows of the problem they are."""
-    part: Indices
-    """(M) which part they were left out with."""
-    error: Array
-    """(n, M) of the fit without their part [N.m or N]."""
-    leverage: Array
-    """(n, M) for that fit."""
-    floor: Array | None
-    """(n) noise that no motion explains [N.m or N]; None where rows were skipped."""
-
-
 def _rows(
     problem: IdentificationProblem,
     fitted: _LeftOut,
     regions: Indices,
     root: Array,
     precision: Array,
-) -> _AssessedRows:
-    """Errors and leverages of rows left out."""
+) -> tuple[Indices, Array, Array, Array | None]:
+    """Rows left out: which (M) they are, errors [N.m or N] and leverages (n, M) without their part.
+
+    And the noise (n) that no motion explains [N.m or N]; None where rows were skipped.
+    """
     step = -(-problem.blocks // MOST_ROWS)
     matrix = fitted.system.matrix
     total, several = matrix.sum(axis=0), len(matrix) > 1
@@ -302,33 +296,26 @@ def _rows(
     floor = problem.samples.noise
     if floor is None and step == 1:
         floor = np.sqrt(bends / max(problem.blocks, 1))
-    index = np.concatenate(indices)
-    return _AssessedRows(
-        index=index,
-        part=regions[index],
-        error=np.concatenate(errors, axis=1),
-        leverage=np.concatenate(levers, axis=1),
-        floor=floor,
-    )
+    left_out = np.concatenate(errors, axis=1), np.concatenate(levers, axis=1)
+    return np.concatenate(indices), *left_out, floor
 
 
 def _calibrated(
-    root: Array, sigma: Array, rows: _AssessedRows, moving: Mask, slowest: Array
-) -> TorqueInterval:
+    sigma: Array, part: Indices, error: Array, lever: Array, moves: Mask
+) -> dict[str, Array]:
     """The smallest scale of the leverage that the parts left out allow, then quantiles.
 
     A larger scale must raise the likelihood by more than its standard error over the parts.
     """
-    moves = moving[:, rows.index]
-    parts = np.unique(rows.part, return_inverse=True)[1]
+    parts = np.unique(part, return_inverse=True)[1]
     count = int(parts.max()) + 1
     n = len(sigma)
     scale, quantiles = np.ones(n), np.zeros((2, n, len(LEVELS)))
     for j in range(n):
-        square, floor = np.square(rows.error[j]), max(float(sigma[j]), 1e-9) ** 2
+        square, floor = np.square(error[j]), max(float(sigma[j]), 1e-9) ** 2
         losses = np.empty((len(SCALES), count))
         for i, c in enumerate(SCALES):
-            variance = floor + c**2 * rows.leverage[j]
+            variance = floor + c**2 * lever[j]
             losses[i] = np.bincount(parts, np.log(variance) + square / variance, count)
         best = int(np.argmin(losses.sum(axis=1)))
         for i in range(best + 1):
@@ -337,8 +324,8 @@ def _calibrated(
             if gain.sum() <= spread:
                 scale[j] = SCALES[i]
                 break
-        ratio = np.sqrt(square / (floor + scale[j] ** 2 * rows.leverage[j]))
+        ratio = np.sqrt(square / (floor + scale[j] ** 2 * lever[j]))
         for k, some in enumerate((~moves[j], moves[j])):
             used = ratio[some] if some.sum() >= FEWEST_ROWS else ratio
             quantiles[k, j] = np.quantile(used, LEVELS)
-    return TorqueInterval(root=root, sigma=sigma, scale=scale, slowest=slowest, quantiles=quantiles)
+    return {"scale": scale, "quantiles": quantiles}
