@@ -55,17 +55,6 @@ class Looked:
     """Which window of these recordings."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Subset:
-    """A part of long recordings that stands for all."""
-
-    pieces: tuple[ExperimentRecord, ...]
-    sources: tuple[int, ...]
-    """Which recording each piece is of."""
-    stretch: ExperimentRecord
-    """A longer one, about the piece in which the arm moves most."""
-
-
 def fit_long(
     recordings: Sequence[AnyRecording],
     robot: RobotModel,
@@ -89,19 +78,19 @@ def fit_long(
     window = ProcessingSettings(start_s=settings.start_s, stop_s=settings.stop_s)
     grids = [survey(recording, window) for recording in recordings]
     require_cutoff(min(grid.rate_hz for grid in grids), settings.cutoff_hz)
-    part = _subset(recordings, grids)
-    for source in dict.fromkeys(part.sources):
-        own = (piece for piece, k in zip(part.pieces, part.sources, strict=True) if k == source)
+    pieces, origins, stretch = _subset(recordings, grids)
+    for source in dict.fromkeys(origins):
+        own = (piece for piece, k in zip(pieces, origins, strict=True) if k == source)
         require_torques(list(own), robot)
-    looked_at = checked_records([part.stretch])[0]
+    looked_at = checked_records([stretch])[0]
     processing = ProcessingSettings(cutoff_hz=settings.cutoff_hz, decimate=True)
     if settings.preset != "best" and settings.cutoff_hz is None:
         # One for all, which suits the fastest piece.
-        signals = [uniform_signals(piece, robot, processing) for piece in part.pieces]
+        signals = [uniform_signals(piece, robot, processing) for piece in pieces]
         cutoff = max(default_cutoff(found.q, found.rate_hz) for found in signals)
         processing = replace(processing, cutoff_hz=cutoff)
     found = prepare(
-        part.pieces,
+        pieces,
         robot,
         settings,
         processing,
@@ -132,7 +121,7 @@ def fit_long(
     rows = sum(_rows(signals) for signals in everything)
     sources = None
     if len(recordings) > 1:
-        groups = [_left_out_with(k, len(recordings)) for k in part.sources]
+        groups = [_left_out_with(k, len(recordings)) for k in origins]
         sources = np.repeat(np.array(groups, dtype=np.intp), found.lengths)
     planned = identification.plan_pass(found.model, found.samples, estimator, rows, sources)
     sums = _run_pass(
@@ -143,9 +132,9 @@ def fit_long(
         tell=lambda what, share: tell(what, CHOOSING_SHARE + (1 - CHOOSING_SHARE) * share),
     )
     method = "factors" if planned.plan.factors else "products"
-    duration = np.median([piece.duration_s for piece in part.pieces])
+    duration = np.median([piece.duration_s for piece in pieces])
     words = (
-        f"long recordings: choices from {len(part.pieces)} stretches of {duration:.3g} s, fit of "
+        f"long recordings: choices from {len(pieces)} stretches of {duration:.3g} s, fit of "
         f"all {rows} rows by {method}"
     )
     estimate = found.fit(replace(planned, sums=sums), (words,))
@@ -157,8 +146,14 @@ def fit_long(
     )
 
 
-def _subset(recordings: Sequence[AnyRecording], grids: Sequence[StreamGrid]) -> _Subset:
-    """Stretches spread evenly over the windows of the recordings, where the arm moves most."""
+def _subset(
+    recordings: Sequence[AnyRecording], grids: Sequence[StreamGrid]
+) -> tuple[list[ExperimentRecord], list[int], ExperimentRecord]:
+    """Pieces spread evenly over the windows of the recordings, where the arm moves most.
+
+    With the number of the recording that each is of, and a longer stretch about the piece in which
+    the arm moves most.
+    """
     counts = np.array([grid.last_row - grid.first_row for grid in grids])
     ends = np.cumsum(counts)
     number = int(np.clip(len(recordings), FEWEST_PIECES, MOST_PIECES))
@@ -181,11 +176,8 @@ def _subset(recordings: Sequence[AnyRecording], grids: Sequence[StreamGrid]) -> 
     grid, half = grids[source], LOOKED_AT_ROWS // 2
     middle = min(max((first + last) // 2, grid.first_row + half), grid.last_row - half)
     begin, end = max(middle - half, grid.first_row), min(middle + half, grid.last_row)
-    return _Subset(
-        pieces=tuple(rows_of(recordings[k], a, b) for _, k, a, b in best),
-        sources=tuple(k for _, k, _, _ in best),
-        stretch=rows_of(recordings[source], begin, end),
-    )
+    pieces = [rows_of(recordings[k], a, b) for _, k, a, b in best]
+    return pieces, [k for _, k, _, _ in best], rows_of(recordings[source], begin, end)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
