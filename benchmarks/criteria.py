@@ -12,14 +12,12 @@ The columns of the table are means over the seeds:
   worst      largest standard deviation of a base parameter (DH frames, first-come, SI units)
 
 Needs pinocchio: pip install 'dynid[dev]'. Options: --seeds N (10), --starts N (4), --only A;B,
---no-collision; --motions DIR judges motions that another program planned (npz files of q, dq, ddq
-at 125 Hz) in place of designs.
+--no-collision.
 """
 
 import argparse
 import itertools
 import time
-from pathlib import Path
 
 import numpy as np
 from shared.pinocchio_arm import Array, PinocchioArm
@@ -171,17 +169,11 @@ def main() -> None:
     parser.add_argument("--starts", type=int, default=4)
     parser.add_argument("--only", default="")
     parser.add_argument("--no-collision", action="store_true")
-    parser.add_argument("--motions", type=Path)
     options = parser.parse_args()
     plant = Plant()
     limits = safe_constraints(plant.robot, collision=not options.no_collision)
     judge = Judge(plant, limits)
     print(f"{'criterion':26} held-out (min .. max)      whole  task  friction  worst   cond  CPU s")
-    if options.motions is not None:
-        found = [np.load(file) for file in sorted(options.motions.glob("*.npz"))]
-        motions = [JointMotion(t=np.arange(len(x["q"])) / RATE_HZ, **x) for x in found]
-        _print(str(options.motions), [judge.judge(motion) for motion in motions])
-        return
     random = [judge.judge(motion) for motion in _whole_workspace(plant, limits, 40)]
     _print("random, best cond of 40", [min(random, key=lambda row: row["cond"])])
     for name, words in CRITERIA.items():

@@ -3,18 +3,13 @@
 The workers are processes with one thread each; the calling process takes part. The result is the
 same, whoever computes it. Asked: 1.7 times on idle cores, the median of the rounds.
 
-    python benchmarks/dask_design.py            # times
-    python benchmarks/dask_design.py --kill 10  # and a worker is killed in mid-run, so many times
+    python benchmarks/dask_design.py [--rounds 3] [--only design|fleet]
 
 Needs dynid[dask].
 """
 
 import argparse
-import os
-import random
-import signal
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -23,7 +18,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import dask
 import distributed
 import numpy as np
 from fleet import Individual
@@ -96,37 +90,14 @@ def idle_cpu(client: Any) -> float:
     return (spent() - before) / IDLE_S
 
 
-def killed(job: Job, cluster: Any, victim: int, wait_s: float) -> tuple[list[np.ndarray], str]:
-    """What a job finds whose worker dies after a time, and what happened."""
-    over, struck = threading.Event(), threading.Event()
-
-    def strike() -> None:
-        if not over.wait(wait_s):
-            os.kill(victim, signal.SIGKILL)
-            struck.set()
-
-    thread = threading.Thread(target=strike)
-    thread.start()
-    found, spent = timed(job, cluster.scheduler_address)
-    over.set()
-    thread.join()
-    told = f"killed after {wait_s:.1f} s" if struck.is_set() else "over before anybody was killed"
-    return found, f"{told} of {spent:.1f} s"
-
-
 def main() -> None:
-    """Print times, and what became of killed workers."""
+    """Print times."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kill", type=int, default=0)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--only", choices=("design", "fleet"))
     asked = parser.parse_args()
-    draw = random.Random(0)
     with (
         fleet() as (of_fleet, of_few),
-        # So long after any loss, LocalCluster gives up a worker that is away at that moment: at
-        # its 15 s, one whose second death is just being mended.
-        dask.config.set({"distributed.deploy.lost-worker-timeout": "1 day"}),
         distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
         ) as cluster,
@@ -150,13 +121,6 @@ def main() -> None:
                 print(f"{name}: one process {alone_s:.1f} s, with two workers {together_s:.1f} s: "
                       f"{ratios[-1]:.2f} times; {same(expected, found)}", flush=True)  # fmt: skip
             print(f"{name}: median {np.median(ratios):.2f} times (asked {ASKED} on idle cores)")
-            for k in range(asked.kill):
-                # Of the processes' parents: whoever asks the cluster may still ask a dead one.
-                victim = draw.choice([worker.pid for worker in cluster.workers.values()])
-                wait_s = draw.uniform(0.1, 0.7) * together_s
-                found, told = killed(job, cluster, victim, wait_s)
-                print(f"{name} {k + 1}: {told}: {same(expected, found)}", flush=True)
-                client.wait_for_workers(2)
 
 
 if __name__ == "__main__":

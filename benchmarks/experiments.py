@@ -6,8 +6,6 @@ held-out motions that no design sees. All designs are safe ones with collisions,
     python benchmarks/experiments.py previous [--seeds 3]   second designs made with --previous
         beside second designs made alone, after recordings of several lengths; friction is that of
         its own day. Asked: a variance of the predicted torque at least 25 % lower.
-    python benchmarks/experiments.py bound [--seeds 2]      how much lower that of two designs of
-        10 s can be at all.
     python benchmarks/experiments.py [points] [--seeds 5]   20 points beside a Fourier series of as
         many seconds. Asked: at most 1.5 times the deviation.
     python benchmarks/experiments.py crowded [--seeds 1]    a table and a wall, three boxes, a tool
@@ -25,9 +23,8 @@ import sys
 import tempfile
 import time
 from collections import defaultdict
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 from criteria import NOISE, RATE_HZ, Judge, Plant
@@ -36,26 +33,12 @@ from shared.pinocchio_arm import Array
 from dynid import DesignSettings, ExcitationDesign, ExperimentRecord, design
 from dynid.constraints import safe_constraints, scene_from_json
 from dynid.core import JsonFields, Mask
-from dynid.excitation import (
-    Criterion,
-    Effort,
-    ExcitationProblem,
-    GramKernel,
-    assumed_noise,
-    by_gradient,
-    parse_criterion,
-    whole_workspace,
-    without_friction,
-)
+from dynid.excitation import assumed_noise
 from dynid.recording import write_record
-from dynid.reduction import reduce_model
-from dynid.regressor import InverseDynamicModel
 from dynid.robot import load_robot, with_tool
-from dynid.trajectory import JointMotion, motion_family
+from dynid.trajectory import JointMotion
 
 POINTS, FEW = 20, 6
-ROUNDS = 8
-"""Motions that join a mixture."""
 REACH_M = {"ur3": 0.5, "ur5": 0.85, "ur10e": 1.3}
 TOOL, PAYLOAD = (0.0, 0.0, 0.15), (1.0, 0.0, 0.0, 0.08)
 
@@ -127,73 +110,6 @@ def previous(seeds: int) -> bool:
         print(f"{what}: {np.mean(found):.2f} ({min(found):.2f} to {max(found):.2f}) of the "
               "variance alone (asked: 0.75)")  # fmt: skip
     return all(np.mean(found) <= 0.75 for found in ratios.values())
-
-
-@dataclass(frozen=True, kw_only=True)
-class Along(Criterion):
-    """The reciprocal of the information tr(S G) that counts for a small change of a mixture."""
-
-    name: ClassVar[str] = "along"
-    slope: Array
-
-    def evaluate(self, matrix: Array) -> tuple[float, Array] | None:
-        """See `Criterion`."""
-        value = float((self.slope * matrix).sum())
-        return 1.0 / value, -self.slope / value**2
-
-
-def bound(seeds: int) -> bool:
-    """Mixtures of motions beside two designs of 10 s made alone.
-
-    The variance v is convex in the information: with S = -dv/dG at a mixture, no mixture is below
-    v - (max tr(S G) - tr(S G_mixture)), the maximum over all safe motions, which is searched for
-    by the gradient method. The motion that it finds joins the mixture (Frank and Wolfe), whose
-    weights are the best (multiplicative updates).
-    """
-    robot = load_robot("ur5")
-    judge, base = safe_constraints(robot), reduce_model(InverseDynamicModel(robot=robot))
-    moment = whole_workspace(base, judge).moment(NOISE)
-    problem = ExcitationProblem(
-        base=base, criterion=parse_criterion("prediction", moment=moment), constraints=judge,
-        family=motion_family("fourier", 10.0, 10), noise=NOISE,
-    )  # fmt: skip
-    kernel = GramKernel(base.model, base, noise=NOISE, coulomb_width=None)
-
-    def best(criterion: Criterion, seed: int) -> Array:
-        found = by_gradient(replace(problem, criterion=criterion), Effort(starts=2), seed=seed)
-        motion = found.finished.trajectory.evaluate(problem.times)
-        return kernel.gram(motion.q, motion.dq, motion.ddq)
-
-    def variance(gram: Array) -> tuple[float, Array]:
-        covariance = np.linalg.inv(gram)
-        return float((covariance * moment).sum()), covariance @ moment @ covariance
-
-    alone = [best(problem.criterion, seed) for seed in range(seeds + 1)]
-    cases = {
-        "two made together": (np.zeros_like(moment), 2.0),
-        "the second, friction of its own day": (without_friction(alone[0], base), 1.0),
-    }
-    for what, (known, times) in cases.items():
-        first = alone[0] if times == 2.0 else known
-        pair = float(np.mean([variance(first + other)[0] for other in alone[1:]]))
-        pool, low = list(alone), -np.inf
-        weights = np.full(len(pool), 1.0 / len(pool))
-        for number in range(ROUNDS + 1):
-            mixed = np.tensordot(weights, pool, axes=1)
-            value, slope = variance(known + times * mixed)
-            for _ in range(2000):
-                gains = np.array([(slope * gram).sum() for gram in pool])
-                weights = weights * gains / (weights @ gains)
-                mixed = np.tensordot(weights, pool, axes=1)
-                value, slope = variance(known + times * mixed)
-            if number == ROUNDS:
-                break
-            pool.append(best(Along(slope=slope), 100 + number))
-            low = max(low, value - times * float((slope * (pool[-1] - mixed)).sum()))
-            weights = np.append(weights, 1.0) / (1.0 + weights.sum())
-        print(f"{what}: {value / pair:.3f} of the variance of two made alone by the best mixture "
-              f"of {len(pool)} motions, {low / pair:.3f} by none", flush=True)  # fmt: skip
-    return True
 
 
 def points(seeds: int) -> bool:
@@ -272,7 +188,6 @@ def main() -> int:
     """One of them; 1 if its figure is missed."""
     kinds = {
         "previous": (previous, 3),
-        "bound": (bound, 2),
         "points": (points, 5),
         "crowded": (crowded, 1),
     }

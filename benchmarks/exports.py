@@ -19,7 +19,7 @@ import pinocchio as pin
 from shared.measuring import ROOT, fastest
 
 from dynid.export import write_model
-from dynid.export.c_code import c_prefix
+from dynid.export.generated_code import c_prefix
 from dynid.export.verification import C_FLAGS, c_compiler
 from dynid.identification import Estimate, inertial_prior
 from dynid.regressor import FrictionTerms, Gear, InverseDynamicModel, LoadFriction, TorqueRipple
@@ -71,7 +71,7 @@ def ur5_estimate(friction: FrictionTerms) -> Estimate:
 
 
 def frictions() -> dict[str, FrictionTerms]:
-    """The paper's; with friction by load and ripple of every joint, and with both."""
+    """The paper's; with friction by load and ripple of every joint too."""
     load = LoadFriction(joints=tuple(range(6)), parameters=tuple(prior_bodies().tolist()))
     gears = [Gear(joint=j, waves=(120.0, 240.0), speed=2.0, powers=4) for j in range(6)]
     weights = tuple(np.random.default_rng(0).normal(size=gears[0].size).tolist())
@@ -81,9 +81,7 @@ def frictions() -> dict[str, FrictionTerms]:
     plain = FrictionTerms()
     return {
         "friction": plain,
-        "friction by load": replace(plain, load=load),
-        "torque ripple": replace(plain, ripples=ripples),
-        "both": replace(plain, load=load, ripples=ripples),
+        "friction by load and torque ripple": replace(plain, load=load, ripples=ripples),
     }
 
 

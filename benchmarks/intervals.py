@@ -13,7 +13,7 @@ presliding on every second arm.
 """
 
 import argparse
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import count
 
 import numpy as np
@@ -131,23 +131,11 @@ def payload(_: str, seed: int) -> tuple[str, dict[str, Array]]:
     return f"{told.name} {mass:.2f} kg: {found.mass:.3f} +- {found.mass_std:.3f}", groups
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LateJoint:
-    """An arm one of whose joints has late torques."""
+def delay(_: str, seed: int) -> tuple[str, dict[str, Array]]:
+    """The delay measured, its errors over 2 ms, and over its deviation.
 
-    real: Plant
-    path: Motion
-    fine: Motion
-    """The same motion at `FINE_HZ`: a late torque is one between two samples."""
-    joint: int
-    """From 0."""
-    late_s: float
-    draw: np.random.Generator
-    """What draws the noise."""
-
-
-def late_joint(seed: int) -> LateJoint:
-    """The case of a seed: five arms in turn, presliding on every second five."""
+    Five arms in turn, presliding on every second five.
+    """
     draw = np.random.default_rng(seed)
     told = arm(ARMS[seed % len(ARMS)])
     n, rate = told.joints, float(draw.choice([125.0, 125.0, 250.0, 500.0]))
@@ -155,22 +143,13 @@ def late_joint(seed: int) -> LateJoint:
     if seed // len(ARMS) % 2 == 0:
         real = replace(real, presliding=np.full(n, 1e-6))
     each = round(FINE_HZ / rate)
+    # A late torque is one between two samples.
     fine = motion(told, "fourier", seed, each * rate, 30.0 if rate < 250.0 else 20.0)
     path = Motion(t=fine.t[::each], q=fine.q[::each], dq=fine.dq[::each], ddq=fine.ddq[::each])
     joint, late = int(draw.integers(n)), float(draw.uniform(-0.02, 0.06))
-    return LateJoint(real=real, path=path, fine=fine, joint=joint, late_s=late, draw=draw)
-
-
-def delay(_: str, seed: int) -> tuple[str, dict[str, Array]]:
-    """The delay measured, its errors over 2 ms, and over its deviation."""
-    case = late_joint(seed)
-    real, path, joint, late, draw = case.real, case.path, case.joint, case.late_s, case.draw
-    told, rate = real.robot, round(1 / float(path.t[1]))
-    n = told.joints
-    fine, sampled = case.fine, real.torque(path.q, path.dq, path.ddq)
-    rigid = CubicSpline(path.t, sampled)(fine.t)
+    rigid = CubicSpline(path.t, real.torque(path.q, path.dq, path.ddq))(fine.t)
     whole = rigid + real.friction(fine.dq, rigid, float(fine.t[1]))
-    torque = whole[:: round(len(fine.t) / len(path.t))]
+    torque = whole[::each]
     torque[:, joint] = np.interp(path.t - late, fine.t, whole[:, joint])
     torque += real.torque_noise * draw.normal(size=torque.shape)
     settings = ProcessingSettings(period_s=10.0)

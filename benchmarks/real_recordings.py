@@ -154,7 +154,7 @@ def cells(case: Case, preset: str, purpose: str) -> tuple[str, ...]:
         " ".join(plain(x) for x in metrics.rmse),
         f"{metrics.normalized_error:.3g} ({metrics.samples})",
         plain(float(np.linalg.norm(told.anywhere))),
-        " / ".join(plain(float(np.linalg.norm(model.rms))) for model in told.models),
+        " / ".join(plain(float(np.linalg.norm(rms))) for rms in told.models.values()),
         " ".join(f"{100 * share:.0f}" for share in covered),
         dynid.verdict(result).level.replace("_", " "),
         f"{cpu:.0f}",

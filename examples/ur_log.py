@@ -14,7 +14,7 @@ with tempfile.TemporaryDirectory() as folder:
     found = dynid.fit("ur5", DATA / "ur5_no6.csv.gz", folder, validation=DATA / "ur5_no5.csv.gz")
     print(found.verdict.headline)
     result = found.identification
-    for model in result.estimate.assessment.models:
-        print(f"{model.name}: {model.rms.round(2)} N.m on regions left out")
+    for name, rms in result.estimate.assessment.models.items():
+        print(f"{name}: {rms.round(2)} N.m on regions left out")
     print(f"another motion: {result.validation.metrics.rmse.round(2)} N.m a joint")
     print("written:", *(item.name for item in sorted(Path(folder).iterdir())))

@@ -18,8 +18,7 @@ from known_exports import (
 
 from dynid.cli.app import main
 from dynid.export import ExportModel, completed_model
-from dynid.export.c_code import c_code, c_prefix, number, safe
-from dynid.export.python_code import python_code
+from dynid.export.generated_code import c_code, c_prefix, c_safe, number, python_code
 from dynid.export.writing import FORMATS, model_from_json, model_to_json
 from dynid.identification import write_estimate
 from dynid.regressor import parse_terms
@@ -91,7 +90,7 @@ def test_the_head_of_a_header_names_what_there_is_to_call(heavy: ExportModel) ->
     ],
 )
 def test_comments_of_c_hold_plain_characters_alone(text: str, shown: str) -> None:
-    assert safe(text) == shown
+    assert c_safe(text) == shown
 
 
 def test_names_cannot_break_out_of_comments_and_strings(heavy: ExportModel) -> None:

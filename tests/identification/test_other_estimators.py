@@ -24,6 +24,7 @@ from dynid.identification import (
     WeightedLeastSquares,
     hac_covariance,
     inertial_prior,
+    motion_covariance,
     motion_noise,
     naive_covariance,
     posterior,
@@ -253,15 +254,16 @@ def test_the_noise_of_the_motion_is_seen() -> None:
     samples = problem_of(0, 30.0, position_noise=level).samples
     noise = motion_noise(samples)
     # White noise of 125 samples a second spreads over 62.5 Hz.
-    np.testing.assert_allclose(noise.density, level**2 / 62.5, rtol=0.35)
-    assert noise.covariance().shape == (18, 18)
-    assert np.linalg.eigvalsh(noise.covariance()).min() > -1e-12
+    np.testing.assert_allclose(noise, level**2 / 62.5, rtol=0.35)
+    covariance = motion_covariance(noise, samples.cutoff_hz)
+    assert covariance.shape == (18, 18)
+    assert np.linalg.eigvalsh(covariance).min() > -1e-12
 
 
 def test_the_likelihood_has_its_gradient(problem: IdentificationProblem) -> None:
     noisy = problem_of(0, 30.0, position_noise=5e-5)
     start = WeightedLeastSquares().fit(noisy)
-    likelihood = Likelihood.of(noisy, start, motion_noise(noisy.samples))
+    likelihood = Likelihood.of(noisy, start)
     generator = np.random.default_rng(0)
     deviation = np.sqrt(np.diag(naive_covariance(start)))
     for _ in range(3):
@@ -274,7 +276,7 @@ def test_the_likelihood_has_its_gradient(problem: IdentificationProblem) -> None
 def test_without_noise_in_the_motion_likelihood_is_weighted_least_squares() -> None:
     # A filter so low leaves no room above the motion to see its noise in.
     problem = problem_of(cutoff=6.0)
-    assert not motion_noise(problem.samples).density.any()
+    assert not motion_noise(problem.samples).any()
     fit = MaximumLikelihood().fit(problem)
     pick = np.linspace(0, problem.samples.count - 1, min(1200, problem.samples.count)).astype(int)
     start = WeightedLeastSquares().fit(problem)

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 import pytest
 
 from dynid.core import InputError
-from dynid.studio.opening import open_path
 from dynid.studio.page import Page
 from dynid.studio.server import Server, cookie_name, make_door, rule
+from dynid.studio.session import open_path
 
 TOKEN = "correct-horse-battery"
 HOME = {"host": "127.0.0.1:8080"}

@@ -12,8 +12,7 @@ from dynid.core import InputError
 from dynid.recording import ExperimentRecord, RecordMetadata, read_record, write_record
 from dynid.robot import joint_poses
 from dynid.studio.jobs import Job
-from dynid.studio.opening import REST, kind_of, open_path, recorded
-from dynid.studio.session import JOB_SCENE, Session
+from dynid.studio.session import JOB_SCENE, REST, Session, kind_of, open_path, recorded
 
 BOX = {"shapes": [{"type": "box", "size": [0.2, 0.2, 0.2], "position": [1.5, 1.5, 0.5]}]}
 

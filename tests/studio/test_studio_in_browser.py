@@ -16,9 +16,9 @@ from gentle import CYCLES, write_motion
 
 from dynid.recording import read_record
 from dynid.robot import joint_poses
-from dynid.studio.opening import open_path
 from dynid.studio.page import Page
 from dynid.studio.server import Server, make_door
+from dynid.studio.session import open_path
 from urtwin import controller_process, own_address
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")

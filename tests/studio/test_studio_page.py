@@ -16,9 +16,8 @@ from gentle import CYCLES, write_motion
 from dynid import read_estimate
 from dynid.core import DynidError, InputError, JsonFields
 from dynid.recording import read_record
-from dynid.studio.opening import open_path
 from dynid.studio.page import Page
-from dynid.studio.session import free_name
+from dynid.studio.session import free_name, open_path
 
 PATIENCE = 90.0
 DESIGN = {"criterion": "prediction", "period_s": 10.0, "harmonics": 3, "budget_s": 1.0, "seed": 0}

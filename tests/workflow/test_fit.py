@@ -53,7 +53,7 @@ def test_a_log_becomes_a_model_a_report_and_a_verdict(log: Path, tmp_path: Path)
         "mjcf",
         "c",
     }
-    assert all(export.written.path.stat().st_size for export in found.models)
+    assert all(export.path.stat().st_size for export in found.models)
     assert "<html" in found.report.read_text(encoding="utf-8")[:500]
     keys = found.to_json()
     assert {"base_parameters", "training", "verdict", "report", "models"} <= keys.keys()

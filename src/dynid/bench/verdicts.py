@@ -90,13 +90,7 @@ class Recorded:
 
 
 def cases(seed: int, clean: int, each: int) -> Iterator[Case]:
-    """Clean cases, then as many of each fault and size.
-
-    Args:
-        seed: Of everything.
-        clean: How many clean ones.
-        each: How many of each fault, over the sizes together.
-    """
+    """So many clean cases, then as many of `each` fault, over the sizes together."""
     draw = np.random.default_rng(seed)
 
     def one(fault: str | None, size: str) -> Case:
@@ -309,13 +303,7 @@ class Row:
 def run_verdicts(
     judge: Judge, chosen: Iterable[Case], progress: Progress = silent
 ) -> tuple[Row, ...]:
-    """Judge cases one after the other.
-
-    Args:
-        judge: What is tested.
-        chosen: The cases.
-        progress: Told which case is under way.
-    """
+    """Judge the chosen cases one after the other; `progress` is told which is under way."""
     every = list(chosen)
     rows: list[Row] = []
     for k, case in enumerate(every):

@@ -178,9 +178,9 @@ def fit_command(
     if "targets" in result.gains_from:
         screen.print("Drive gains were found from the target currents and moments in the log.")
     for export in result.models:
-        check = export.written.verified
+        check = export.verified
         unchecked = "" if check.passed else f" (torques not compared: {check.loaded_with})"
-        screen.print(f"{export.to}: {export.written.path}{unchecked}", soft_wrap=True)
+        screen.print(f"{export.to}: {export.path}{unchecked}", soft_wrap=True)
     for to, reason in result.not_exported:
         screen.print(f"{to}: not written: {reason}", soft_wrap=True)
     screen.print(f"estimate: {result.estimate}", soft_wrap=True)

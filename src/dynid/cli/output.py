@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from dynid.core import InputError, require_absent
 
@@ -26,17 +26,9 @@ LONGEST_WORD = 20
 
 def print_json(data: Mapping[str, Any]) -> None:
     """Print one JSON object; numbers that are not finite become null."""
-    print(json.dumps(_finite(data), allow_nan=False))
+    from dynid.core import plain
 
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(k): _finite(v) for k, v in cast("Mapping[Any, Any]", value).items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in cast("Sequence[Any]", value)]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    print(json.dumps(plain(data), allow_nan=False))
 
 
 def console(*, stderr: bool = False) -> Console:

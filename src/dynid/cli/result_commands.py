@@ -36,15 +36,16 @@ def export_command(
     json: ask.JsonFlag = False,
 ) -> None:
     """A model that other programs load, checked by loading it."""
-    from dynid.workflow import check_suffix, export_file
+    from dynid.export import check_suffix, write_model
+    from dynid.identification import open_estimate
 
     show.check_output(output, [estimate], force=force)
     check_suffix(to, output)
-    result = export_file(estimate, to, output, at_degC=at)
+    result = write_model(open_estimate(estimate, at), output, to)
     if json:
         show.print_json(result.to_json())
         return
-    screen, verified = show.console(), result.written.verified
+    screen, verified = show.console(), result.verified
     screen.print(f"{to} model written to {output}", soft_wrap=True)
     if verified.max_torque_difference is None:
         screen.print(f"Not verified: {verified.loaded_with}.")
@@ -53,9 +54,9 @@ def export_command(
             f"Verified with {verified.loaded_with}: torques differ by at most "
             f"{show.number(verified.max_torque_difference)} in {verified.states} random states."
         )
-    screen.print(f"Standard parameters: {result.written.model.origin}.")
-    if result.written.left_out:
-        screen.print(f"Not representable in {to}: {', '.join(result.written.left_out)}.")
+    screen.print(f"Standard parameters: {result.model.origin}.")
+    if result.left_out:
+        screen.print(f"Not representable in {to}: {', '.join(result.left_out)}.")
     show.print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
 
 
@@ -202,29 +203,9 @@ def studio_command(
         serve(path, ready, stop, robot=robot, host=host, token=token, port=port)
 
 
-def register_bench(app: typer.Typer) -> None:
-    """Add the command group."""
-    group = typer.Typer(help="Comparison of methods on arms with known parameters.")
-    group.callback()(_root)
-    group.command(
-        "estimators",
-        epilog=ask.examples(
-            "dynid bench estimators", "dynid bench estimators --only ols,iv,didim --seeds 5 --json"
-        ),
-    )(_estimators)
-    group.command(
-        "verdicts",
-        epilog=ask.examples(
-            "dynid bench verdicts", "dynid bench verdicts --clean 300 --each 60 --seed 1 --json"
-        ),
-    )(_verdicts)
-    app.add_typer(group, name="bench", rich_help_panel=None)
-
-
-def _root() -> None:
-    """Comparison of methods on arms with known parameters."""
-
-
+@ask.command(
+    "dynid bench estimators", "dynid bench estimators --only ols,iv,didim --seeds 5 --json"
+)
 def _estimators(
     only: Annotated[str | None, ask.option("WORD,..", "Some of the words of --estimator.")] = None,
     seeds: Annotated[int, ask.option("N", "Trajectories and noises.", min=1)] = 3,
@@ -264,6 +245,7 @@ def _estimators(
     )
 
 
+@ask.command("dynid bench verdicts", "dynid bench verdicts --clean 300 --each 60 --seed 1 --json")
 def _verdicts(
     clean: Annotated[int, ask.option("N", "Clean recordings.", min=0)] = 12,
     each: Annotated[int, ask.option("N", "Recordings of each fault, over three sizes.", min=0)] = 3,
@@ -299,6 +281,14 @@ def _verdicts(
     show.console().print(
         markdown(told, f"Seed {seed}, preset {preset}"), soft_wrap=True, markup=False
     )
+
+
+def register_bench(app: typer.Typer) -> None:
+    """Add the command group."""
+    group = typer.Typer(help="Comparison of methods on arms with known parameters.")
+    for name, item in {"estimators": _estimators, "verdicts": _verdicts}.items():
+        group.command(name, epilog=item.epilog)(item.run)
+    app.add_typer(group, name="bench", rich_help_panel=None)
 
 
 @ask.command("dynid demo -o runs/demo", "dynid demo -o runs/demo --quick --json")

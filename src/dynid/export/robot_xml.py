@@ -13,11 +13,7 @@ from dynid.robot import tensor
 
 
 def roll_pitch_yaw(rotation: Array) -> tuple[float, float, float]:
-    """Angles about the fixed axes x, y, z, in that order [rad], as URDF has them.
-
-    Args:
-        rotation: (3, 3) rotation.
-    """
+    """Angles of a rotation (3, 3) about the fixed axes x, y, z, in that order [rad], as in URDF."""
     yaw = math.atan2(rotation[1, 0], rotation[0, 0])
     c, s = math.cos(yaw), math.sin(yaw)
     pitch = math.atan2(-rotation[2, 0], c * rotation[0, 0] + s * rotation[1, 0])

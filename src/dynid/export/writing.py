@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, DynidError, InputError, JobError, in_one_piece
+from dynid.core import Array, DynidError, Finding, InputError, JobError, in_one_piece, told
 from dynid.export import robot_xml
-from dynid.export.c_code import c_code, c_prefix
+from dynid.export.generated_code import c_code, c_prefix, python_code
 from dynid.export.model import ExportModel, NearestFriction, completed_model, nearest_friction
-from dynid.export.python_code import python_code
 from dynid.export.robot_xml import left_out, stand_in_words
 from dynid.export.verification import (
     STATES,
@@ -124,7 +123,8 @@ _LARGE = 100.0
 class FileFormat:
     """How a model becomes a file of one kind, and who reads it."""
 
-    suffix: str
+    endings: tuple[str, ...]
+    """What such files are called; the first is what loaders want."""
     text: Callable[[ExportModel, str], str]
     """From the model and where it comes from."""
     torque: Callable[[ExportModel, Path, States], tuple[Array | None, str]]
@@ -153,7 +153,7 @@ def _json_torque(_: ExportModel, path: Path, states: States) -> tuple[Array | No
 
 _FORMATS = {
     "urdf": FileFormat(
-        ".urdf",
+        (".urdf", ".xml"),
         robot_xml.urdf_text,
         lambda model, path, states: urdf_torque(
             path, float(np.linalg.norm(model.robot.gravity)), states
@@ -161,17 +161,21 @@ _FORMATS = {
         robot_xml.URDF_HELD,
     ),
     "mjcf": FileFormat(
-        ".xml",
+        (".xml", ".mjcf"),
         robot_xml.mjcf_text,
         lambda _, path, states: mjcf_torque(path, states),
         robot_xml.MJCF_HELD,
         1e-6,
     ),
-    "json": FileFormat(".json", _json_text, _json_torque),
+    "json": FileFormat((".json",), _json_text, _json_torque),
     "c": FileFormat(
-        ".h", c_code, lambda model, path, states: c_torque(path, c_prefix(model.robot.name), states)
+        (".h", ".hpp", ".c"),
+        c_code,
+        lambda model, path, states: c_torque(path, c_prefix(model.robot.name), states),
     ),
-    "python": FileFormat(".py", python_code, lambda _, path, states: python_torque(path, states)),
+    "python": FileFormat(
+        (".py",), python_code, lambda _, path, states: python_torque(path, states)
+    ),
 }
 FORMATS = tuple(_FORMATS)
 """The words of `--to`."""
@@ -183,6 +187,8 @@ class ExportedFile:
 
     path: Path
     """The file."""
+    to: str
+    """Its format."""
     model: ExportModel
     """What it holds."""
     verified: Verification
@@ -191,9 +197,41 @@ class ExportedFile:
     """What the identified model has and the file has no place for, in words."""
     friction: NearestFriction | None = None
     """Coulomb and viscous friction of a file that has a place for no other."""
+    warnings: tuple[Finding, ...] = ()
+    """What must be known about it."""
+
+    def to_json(self) -> dict[str, Any]:
+        """The object that `dynid export --json` prints."""
+        return {
+            "file": str(self.path),
+            "format": self.to,
+            "verified": self.verified.to_json(),
+            "physical": self.model.physical,
+            "standard_parameters": self.model.origin,
+            "left_out": list(self.left_out),
+            **told(self.warnings),
+        }
 
 
-def write_model(estimate: EstimateLike, path: str | Path, to: str, note: str = "") -> ExportedFile:
+def check_suffix(to: str, output: Path) -> None:
+    """Refuse a name that belongs to another format, such as C in `arm.urdf`.
+
+    An ending that belongs to no format is left to the user.
+
+    Raises:
+        InputError: The name ends as those of another format do.
+    """
+    suffix, own = output.suffix.lower(), _FORMATS[to].endings if to in _FORMATS else ()
+    if own and suffix not in own and any(suffix in kind.endings for kind in _FORMATS.values()):
+        raise InputError(
+            f"the name is of another format than {to}",
+            where="-o",
+            value=str(output),
+            limit=", ".join(f"*{ending}" for ending in own),
+        )
+
+
+def write_model(estimate: EstimateLike, path: str | Path, to: str) -> ExportedFile:
     """Write a model, have another program load it, and compare torques on random states.
 
     The file appears only after it has passed. Where no other program is at hand it is written
@@ -203,7 +241,6 @@ def write_model(estimate: EstimateLike, path: str | Path, to: str, note: str = "
         estimate: What was identified, or its file.
         path: File to write.
         to: One of `FORMATS`.
-        note: Where the model comes from, for the file's head.
 
     Raises:
         InputError: An unknown format, or a place where no such file can be.
@@ -225,10 +262,18 @@ def write_model(estimate: EstimateLike, path: str | Path, to: str, note: str = "
     friction = None if kind.held is None else nearest_friction(estimate, completed, model)
     ours = our_torque(estimate, completed, states, kind.held, friction)
     model = model if friction is None else friction.put_into(model)
-    remarks = [note, f"Standard parameters: {model.origin}.", *stand_in_words(friction)]
+    made = estimate.provenance
+    remarks = [
+        f"dynid {made.versions.get('dynid', '')}, estimator {estimate.estimator}, "
+        f"{estimate.samples} samples, identified {made.created}."
+    ]
+    if any(estimate.model.friction.presliding):
+        said = "Its presliding needs the past: friction here is that of joints that slide."
+        remarks.append(said)
+    remarks += [f"Standard parameters: {model.origin}.", *stand_in_words(friction)]
     text = kind.text(model, "\n".join(remarks).strip())
     # The draft ends as the format wants it: loaders look at the suffix.
-    with in_one_piece(path, kind.suffix) as part:
+    with in_one_piece(path, kind.endings[0]) as part:
         part.write_text(text, encoding="utf-8")
         theirs, loader = kind.torque(model, part, states)
         verified = _compared(kind, ours, theirs, loader, completed.values[: 10 * model.joints])
@@ -241,16 +286,52 @@ def write_model(estimate: EstimateLike, path: str | Path, to: str, note: str = "
             )
     missing = () if kind.held is None else left_out(model, kind.held)
     return ExportedFile(
-        path=path, model=model, verified=verified, left_out=missing, friction=friction
+        path=path,
+        to=to,
+        model=model,
+        verified=verified,
+        left_out=missing,
+        friction=friction,
+        warnings=_warnings(to, model, friction, estimate),
     )
+
+
+def _warnings(
+    to: str, model: ExportModel, friction: NearestFriction | None, known: Estimate
+) -> tuple[Finding, ...]:
+    noise = known.noise
+    found = [finding for finding in known.warnings if finding.code == "not_physical"]
+    if not model.physical:
+        found.append(
+            Finding(
+                "not_physical",
+                "no physically consistent links have the identified base parameters"
+                f" ({model.worst}): torques are right, but single masses and inertias have no"
+                " meaning, and simulators may refuse them; use --estimator sdp",
+            )
+        )
+    if friction is not None and (friction.missing > noise).any():
+        joints = ", ".join(
+            f"{j + 1} ({friction.missing[j]:.2g} against {noise[j]:.2g})"
+            for j in np.flatnonzero(friction.missing > noise)
+        )
+        found.append(
+            Finding(
+                "extrapolated",
+                f"{to} cannot represent all identified friction; damping and dry friction"
+                " approximate it over the recorded range. The residual exceeds the noise of the"
+                f" identification at joints {joints}, RMS in N.m or N; c, python and json represent"
+                " all of it",
+            )
+        )
+    return tuple(found)
 
 
 def simulator_obstacle(estimate: Estimate) -> str:
     """Why the model of an estimate cannot be written for a simulator; empty where it can.
 
-    Args:
-        estimate: The estimate. MuJoCo has the strictest rules: inertias, motor inertias and
-            friction of every joint must be physically possible.
+    MuJoCo has the strictest rules: inertias, motor inertias and friction of every joint must be
+    physically possible.
     """
     try:
         model, completed = completed_model(estimate)

@@ -11,6 +11,7 @@ from dynid.core import Array, InputError
 
 MINUS = "\N{MINUS SIGN}"
 _STEPS = (1.0, 2.0, 5.0, 10.0)
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -72,11 +73,7 @@ class Axis:
         return placed
 
     def ticks(self, most: int) -> tuple[tuple[float, str], ...]:
-        """Values with their texts.
-
-        Args:
-            most: About how many there is room for.
-        """
+        """Values with their texts, about as many at most as there is room for."""
         if self.names:
             return tuple((float(k), name) for k, name in enumerate(self.names))
         if self.bounds:
@@ -159,10 +156,6 @@ def _decades(low: float, high: float, most: int) -> tuple[tuple[float, str], ...
         return tuple((v, f"{v:g}") for v in steps if low <= v <= high)
     every = max(1, math.ceil((last - first + 1) / max(most, 1)))
     return tuple(
-        (10.0**k, f"{10.0**k:g}" if -3 <= k <= 4 else "10" + _raised(k))
+        (10.0**k, f"{10.0**k:g}" if -3 <= k <= 4 else f"10{str(k).translate(_RAISED)}")
         for k in range(first, last + 1, every)
     )
-
-
-def _raised(power: int) -> str:
-    return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

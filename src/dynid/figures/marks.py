@@ -52,11 +52,9 @@ def joint_role(index: int) -> str:
 
 
 def joint_unit(unit: str, prismatic: Sequence[bool]) -> str:
-    """Unit of a quantity of several joints on one axis, as it is printed.
+    """Unit of a quantity of several joints (n) on one axis, as it is printed.
 
-    Args:
-        unit: That of turning joints, such as `rad/s` or `N.m`.
-        prismatic: (n) which joints slide.
+    From that of turning joints, such as `rad/s` or `N.m`, and which joints slide.
     """
     sliding = unit.replace("N.m", "N").replace("rad", "m")
     if all(prismatic):
@@ -212,13 +210,7 @@ def _swatch(mark: Mark) -> str:
 
 
 def shaded(t: Array, mask: ArrayLike, shortest: float = 0.0) -> tuple[tuple[float, float], ...]:
-    """Stretches in which a condition holds.
-
-    Args:
-        t: (N) instants.
-        mask: (N) whether it holds.
-        shortest: Shorter stretches are left out.
-    """
+    """Stretches of instants (N) in which a condition (N) holds, shorter ones left out."""
     edges = np.diff(np.concatenate([[0], np.asarray(mask, dtype=np.int8), [0]]))
     starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
     return tuple(
@@ -229,11 +221,9 @@ def shaded(t: Array, mask: ArrayLike, shortest: float = 0.0) -> tuple[tuple[floa
 
 
 def thinned(y: Array, columns: int = COLUMNS) -> Indices:
-    """Indices that draw the same picture: smallest and largest value of each of many stretches.
+    """Indices that draw the same picture: smallest and largest of (N) values of many stretches.
 
-    Args:
-        y: (N) values; NaN is kept where a whole stretch has no value.
-        columns: Number of stretches.
+    NaN is kept where a whole stretch has no value.
     """
     count = len(y)
     if count <= 2 * columns:

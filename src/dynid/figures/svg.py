@@ -301,11 +301,7 @@ def key(entries: Sequence[LegendEntry]) -> str:
 
 
 def fragment(figure: Figure) -> str:
-    """A whole figure for a page: title, legend, plots; needs `style()` and, if linked, `script()`.
-
-    Args:
-        figure: The figure.
-    """
+    """A figure for a page: title, legend, plots; needs `style()` and, if linked, `script()`."""
     bottom = len(figure.panels) - figure.columns
     plots: list[str] = []
     for k, panel in enumerate(figure.panels):
@@ -395,11 +391,7 @@ PIXELS = 2
 
 
 def write_figure(figure: Figure, path: str | Path) -> Path:
-    """Write a figure; the ending of the name says how.
-
-    Args:
-        figure: The figure.
-        path: File ending in `.svg`, or in `.png`, which needs the extra `figures`.
+    """Write a figure to a file that ends in `.svg`, or in `.png`, which needs the extra `figures`.
 
     Raises:
         InputError: Another ending, or a place where no such file can be.

@@ -11,7 +11,6 @@ from dynid.identification.bayesian import not_negative as not_negative
 from dynid.identification.bayesian import posterior as posterior
 from dynid.identification.bayesian import published_prior as published_prior
 from dynid.identification.drive_gains import LARGEST_STD as LARGEST_STD
-from dynid.identification.drive_gains import WIDTH as WIDTH
 from dynid.identification.drive_gains import DriveGains as DriveGains
 from dynid.identification.drive_gains import WeighedGains as WeighedGains
 from dynid.identification.drive_gains import drive_gains as drive_gains
@@ -25,6 +24,7 @@ from dynid.identification.estimate import read_estimate as read_estimate
 from dynid.identification.estimate import write_estimate as write_estimate
 from dynid.identification.fitting import ESTIMATORS as ESTIMATORS
 from dynid.identification.fitting import AllRows as AllRows
+from dynid.identification.fitting import EstimateSource as EstimateSource
 from dynid.identification.fitting import estimator_of as estimator_of
 from dynid.identification.fitting import fit_estimate as fit_estimate
 from dynid.identification.fitting import plan_pass as plan_pass
@@ -50,6 +50,7 @@ from dynid.identification.least_squares import autocorrelation as autocorrelatio
 from dynid.identification.least_squares import solve_total as solve_total
 from dynid.identification.likelihood import Likelihood as Likelihood
 from dynid.identification.likelihood import MaximumLikelihood as MaximumLikelihood
+from dynid.identification.likelihood import motion_covariance as motion_covariance
 from dynid.identification.likelihood import motion_noise as motion_noise
 from dynid.identification.payload import Payload as Payload
 from dynid.identification.payload import payload_of as payload_of
@@ -80,13 +81,13 @@ from dynid.identification.sums import no_sums as no_sums
 from dynid.identification.sums import sum_rows as sum_rows
 from dynid.identification.sums import sums_from as sums_from
 from dynid.identification.temperature import LEAST_SPREAD_K as LEAST_SPREAD_K
+from dynid.identification.temperature import EstimateLike as EstimateLike
 from dynid.identification.temperature import JointTemperatureLaw as JointTemperatureLaw
+from dynid.identification.temperature import TemperatureModel as TemperatureModel
 from dynid.identification.temperature import fit_law as fit_law
-from dynid.identification.temperature_model import EstimateLike as EstimateLike
-from dynid.identification.temperature_model import TemperatureModel as TemperatureModel
-from dynid.identification.temperature_model import open_estimate as open_estimate
-from dynid.identification.temperature_model import read_temperature as read_temperature
-from dynid.identification.temperature_model import write_temperature as write_temperature
+from dynid.identification.temperature import open_estimate as open_estimate
+from dynid.identification.temperature import read_temperature as read_temperature
+from dynid.identification.temperature import write_temperature as write_temperature
 from dynid.identification.trends import CONFIDENCE as CONFIDENCE
 from dynid.identification.trends import LEAST_RECORDINGS as LEAST_RECORDINGS
 from dynid.identification.trends import JointState as JointState

@@ -77,7 +77,6 @@ def drive_gains(
     *,
     rate_hz: float,
     names: tuple[str, ...],
-    width: float = WIDTH,
 ) -> DriveGains:
     """Gains from the controller's targets.
 
@@ -87,19 +86,16 @@ def drive_gains(
         velocity: (N, n) target velocities, or measured ones [rad/s].
         rate_hz: Samples a second.
         names: (n) joint names, for messages.
-        width: Speed over which the compensated dry friction changes sign [rad/s].
 
     Raises:
-        InputError: A width that is not positive, or too few samples.
+        InputError: Too few samples.
         JobError: No joint's gain can be told.
     """
-    if not width > 0:
-        raise InputError("the width must be positive", value=width)
     if len(current) < 16:
         raise InputError("too few samples for drive gains", value=len(current), limit="at least 16")
     rows, lost = np.empty((len(names), 5)), dict[str, str]()
     for j, name in enumerate(names):
-        columns = np.stack([moment[:, j], np.tanh(velocity[:, j] / width), velocity[:, j]])
+        columns = np.stack([moment[:, j], np.tanh(velocity[:, j] / WIDTH), velocity[:, j]])
         rows[j], reason = _joint(columns, current[:, j], rate_hz)
         if reason:
             lost[name] = reason
@@ -183,14 +179,6 @@ class WeighedSystem:
         return wide, np.asarray(fixed, dtype=np.float64)
 
 
-def factored(system: WeighedSystem) -> tuple[Array, Array, Array]:
-    """Columns (R, n, h, size), known torques and currents (R, n, h), as square roots."""
-    factors = np.array([system.problem.factors(k) for k in range(len(system.problem.problems))])
-    columns = np.moveaxis(factors[..., :-1], -1, 1)
-    wide, fixed = zip(*(system.spread(k, rows) for k, rows in enumerate(columns)), strict=True)
-    return np.moveaxis(np.array(wide), 1, -1), np.array(fixed), factors[..., -1]
-
-
 ITERATIONS = 50
 CONVERGED = 1e-9
 RUNAWAY = 30.0
@@ -227,7 +215,11 @@ def weighed_gains(
     """
     system = WeighedSystem(problem=problem, turn=turn, known=known)
     records, joints = len(problem.problems), problem.joints
-    data = factored(system)
+    # Columns (R, n, h, size), known torques and currents (R, n, h), as square roots.
+    factors = np.array([problem.factors(k) for k in range(records)])
+    rows = enumerate(np.moveaxis(factors[..., :-1], -1, 1))
+    wide, fixed = zip(*(system.spread(k, columns) for k, columns in rows), strict=True)
+    data = np.moveaxis(np.array(wide), 1, -1), np.array(fixed), factors[..., -1]
     blocks = np.array([item.blocks for item in problem.problems])
     scale = np.linalg.norm(data[2], axis=2) / np.sqrt(blocks)[:, None]
     if start is None:

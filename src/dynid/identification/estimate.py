@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from dynid.core import (
     write_json,
 )
 from dynid.identification.selection.assessment import Assessment, assessment_from_json
-from dynid.identification.selection.regions import conditions
 from dynid.identification.statistics import relative_std_percent
 from dynid.regressor import CHUNK, InverseDynamicModel, terms_from_json
 from dynid.robot import robot_from_json, robot_to_json
@@ -71,18 +70,6 @@ class StandardParameters:
         freeze(self, prior=(p,), finite=False)
         if not set(self.origins) <= set(ORIGINS):
             raise InputError("unknown origin", value=set(self.origins), limit=ORIGINS)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TorquePrediction:
-    """Predicted torques with their intervals."""
-
-    torque: Array
-    """(N, n) [N.m or N]."""
-    half_width: Array
-    """(N, n) half widths of the intervals [N.m or N]."""
-    level: float
-    """Share of measured torques that shall lie within."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,37 +172,15 @@ class Estimate:
         parameters[list(self.independent)] = self.values
         return read_only(parameters)
 
-    @overload
-    def predict(
-        self, q: Array, dq: Array, ddq: Array, state: Array | None = None, *, interval: None = None
-    ) -> Array: ...
-
-    @overload
-    def predict(
-        self, q: Array, dq: Array, ddq: Array, state: Array | None = None, *, interval: float
-    ) -> TorquePrediction: ...
-
-    def predict(
-        self,
-        q: Array,
-        dq: Array,
-        ddq: Array,
-        state: Array | None = None,
-        *,
-        interval: float | None = None,
-    ) -> Array | TorquePrediction:
-        """Joint torques (N, n) [N.m or N], each argument (N, n); with intervals if asked for.
+    def predict(self, q: Array, dq: Array, ddq: Array, state: Array | None = None) -> Array:
+        """Joint torques (N, n) [N.m or N], each argument (N, n); see `half_width` for intervals.
 
         Samples stand for themselves. Those of a motion, in the order of time, show presliding
         friction as well, with `state` (n, N) from `InverseDynamicModel.friction_state`.
         """
         values = self.standard_parameters()
         torque = self.model.inverse_dynamics(q, dq, ddq, values, state)
-        torque = read_only(torque - self.model.known_torque(q))
-        if interval is None:
-            return torque
-        width = self.half_width(q, dq, ddq, state, level=interval)
-        return TorquePrediction(torque=torque, half_width=width, level=interval)
+        return read_only(torque - self.model.known_torque(q))
 
     def half_width(
         self, q: Array, dq: Array, ddq: Array, state: Array | None = None, *, level: float = 0.9
@@ -239,8 +204,7 @@ class Estimate:
             stack = self.model.stack(q[part], dq[part], ddq[part], state=now)
             columns = stack[list(self.independent)]
             moving = np.abs(dq[part].T) > interval.slowest[:, None]
-            there = conditions(self.names, self.values, columns, moving)
-            width[part] = interval.half_width(columns, there, level).T
+            width[part] = interval.half_width(self.names, self.values, columns, moving, level).T
         return read_only(width)
 
     def standard_table(self) -> list[dict[str, Any]] | None:
@@ -280,6 +244,21 @@ class Estimate:
             for k, (name, unit) in enumerate(zip(self.names, self.units, strict=True))
         ]
 
+    def summary(self) -> dict[str, Any]:
+        """What both the file and the result of an identification state, as JSON has it."""
+        return {
+            "base_parameters": len(self.values),
+            "standard_parameters": len(self.model.columns),
+            **{name: getattr(self, name) for name in _STATED},
+            "frames": self.model.frames,
+            "friction": self.model.friction.to_json(),
+            "parameters": self.parameter_table(),
+            "settings": self.settings.to_json(),
+            "choices": list(self.choices),
+            **({} if self.standard is None else {"standard": self.standard_table()}),
+            **({} if self.assessment is None else {"assessment": self.assessment.to_json()}),
+        }
+
 
 FORMAT = "dynid-estimate"
 VERSION = 1
@@ -290,15 +269,15 @@ def _array(values: Iterable[Any]) -> Array:
     return np.array(list(values), dtype=np.float64)
 
 
-_SAME: dict[str, Callable[[Any], Any]] = {
+_ARRAYS = ("covariance", "noise", "residual_autocorrelation")
+_STATED: dict[str, Callable[[Any], Any]] = {
     **dict.fromkeys(("estimator", "preset"), str),
     **dict.fromkeys(
         ("condition_number", "scaled_condition_number", "motion_condition_number"), float
     ),
     "samples": int,
-    **dict.fromkeys(("covariance", "noise", "residual_autocorrelation"), _array),
 }
-"""Fields that the file keeps by their own names, and how they are read."""
+"""Fields that keep their own names, and how they are read."""
 _MAKE = "Make one with: dynid identify RECORD -o ESTIMATE.json"
 
 
@@ -307,22 +286,14 @@ def estimate_to_json(estimate: Estimate) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "version": VERSION,
-        **{name: plain(getattr(estimate, name)) for name in _SAME},
-        "base_parameters": len(estimate.values),
-        "standard_parameters": len(estimate.model.columns),
+        **estimate.summary(),
+        **{name: plain(getattr(estimate, name)) for name in _ARRAYS},
         "degrees_of_freedom": estimate.degrees_of_freedom,
-        "frames": estimate.model.frames,
-        "friction": estimate.model.friction.to_json(),
         "independent": list(estimate.independent),
-        "parameters": estimate.parameter_table(),
         "motion": plain(estimate.motion),
-        "settings": estimate.settings.to_json(),
-        "choices": list(estimate.choices),
         "warnings": [notice.to_json() for notice in estimate.warnings],
         "provenance": estimate.provenance.to_json(),
         "robot": robot_to_json(estimate.model.robot),
-        **({} if estimate.standard is None else {"standard": estimate.standard_table()}),
-        **({} if estimate.assessment is None else {"assessment": estimate.assessment.to_json()}),
     }
 
 
@@ -369,6 +340,7 @@ def _estimate(data: dict[str, Any]) -> Estimate:
     if settings.get("torque_filter") is not None:
         settings["torque_filter"] = TorqueFilter(**settings["torque_filter"])
     table: list[dict[str, Any]] = data["parameters"]
+    kept: dict[str, Callable[[Any], Any]] = {**_STATED, **dict.fromkeys(_ARRAYS, _array)}
     return Estimate(
         model=InverseDynamicModel(
             robot=robot_from_json(data["robot"]),
@@ -387,7 +359,7 @@ def _estimate(data: dict[str, Any]) -> Estimate:
         provenance=provenance_from_json(JsonFields(data).object("provenance")),
         standard=_standard(data.get("standard")),
         assessment=assessment_from_json(data["assessment"]) if "assessment" in data else None,
-        **{name: read(data[name]) for name, read in _SAME.items()},
+        **{name: read(data[name]) for name, read in kept.items()},
     )
 
 

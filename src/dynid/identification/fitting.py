@@ -152,18 +152,29 @@ PRIOR_SPEAKS = 0.25
 """Prior's share from which a standard parameter counts as the prior's word."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EstimateSource:
+    """What an estimate is made of."""
+
+    records: Sequence[ExperimentRecord]
+    """Recordings whose motions are judged for conditioning."""
+    settings: ProcessingSettings
+    """How they were processed."""
+    preset: str
+    """Name of the preset, for the file."""
+    choices: tuple[str, ...]
+    """What was chosen, in words."""
+    made: Provenance
+    """Provenance of the result."""
+
+
 def fit_estimate(
     model: InverseDynamicModel,
     samples: Samples,
     estimator: least_squares.Estimator,
+    source: EstimateSource,
     *,
-    records: Sequence[ExperimentRecord],
-    settings: ProcessingSettings,
-    preset: str,
-    choices: tuple[str, ...],
-    made: Provenance,
     lengths: Sequence[int] = (),
-    prior_weight: float = 0.0,
     near_weights: Sequence[float] = (),
     everything: AllRows | None = None,
 ) -> Estimate:
@@ -173,14 +184,9 @@ def fit_estimate(
         model: The model; its base parameters are found here.
         samples: Samples of one or more records.
         estimator: How to fit.
-        records: The records, whose motions are judged for conditioning.
-        settings: How the records were processed.
-        preset: Name of the preset, for the file.
-        choices: What was chosen, in words.
-        made: Provenance of the result.
+        source: The records, and how they became samples.
         lengths: Samples of each record, if there are several.
-        prior_weight: Weight of published inertias, see `TowardPublished`.
-        near_weights: Weights that score as well.
+        near_weights: See `assess`.
         everything: All rows of recordings of which the samples are a part: what is fitted.
 
     Raises:
@@ -204,42 +210,30 @@ def fit_estimate(
     return judged(
         problem,
         fit,
-        records,
-        settings,
+        replace(source, choices=(*source.choices, *fit.choices)),
         covariance=covariance,
-        naive_std=np.sqrt(np.diag(statistics.naive_covariance(fit))),
         estimator=estimator.name,
-        preset=preset,
+        naive_std=np.sqrt(np.diag(statistics.naive_covariance(fit))),
         motion=_motion_range(samples, sums),
-        choices=(*choices, *fit.choices),
-        provenance=made,
         residual_autocorrelation=rho,
         standard=standard,
-        assessment=assess(
-            part,
-            fit,
-            prior_weight=prior_weight,
-            near_weights=near_weights,
-            lengths=lengths,
-            cells=cells,
-        ),
+        assessment=assess(part, fit, near_weights=near_weights, lengths=lengths, cells=cells),
     )
 
 
 def judged(
     problem: IdentificationProblem,
     fit: least_squares.Fit,
-    records: Sequence[ExperimentRecord],
-    settings: ProcessingSettings,
+    source: EstimateSource,
     **known: Any,
 ) -> Estimate:
     """The estimate of a fit, with its conditioning and its findings.
 
-    The motions of the records, processed by the settings, are judged for conditioning; `known` are
-    the fields of `Estimate` that are known already.
+    Of the other fields of `Estimate` some are `known`.
     """
     base, model, root = problem.base, problem.base.model, observation_root(problem)
-    signals = [uniform_signals(record, model.robot, settings) for record in records]
+    settings = source.settings
+    signals = [uniform_signals(record, model.robot, settings) for record in source.records]
     known.setdefault("motion", _motion_range(problem.samples))
     estimate = Estimate(
         model=model,
@@ -255,6 +249,9 @@ def judged(
         samples=problem.blocks,
         settings=replace(settings, cutoff_hz=problem.samples.cutoff_hz),
         essential=statistics.essential_parameters(fit),
+        preset=source.preset,
+        choices=source.choices,
+        provenance=source.made,
         **known,
     )
     return replace(estimate, warnings=diagnose(estimate, problem.samples))

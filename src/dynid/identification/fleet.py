@@ -13,13 +13,8 @@ import numpy as np
 
 from dynid.core import Array, JobError, Mask, upper_triangle
 from dynid.identification.problem import IdentificationProblem
-from dynid.identification.shared import (
-    SharedProblem,
-    friction_parameters,
-    friction_places,
-    record_scores,
-)
-from dynid.identification.statistics import correlation_lag, long_run_covariance
+from dynid.identification.shared import SharedProblem, friction_parameters, friction_places
+from dynid.identification.statistics import correlation_lag, long_run_covariance, scores_of
 from dynid.reduction import BaseParametrization
 
 ROUNDS = 6
@@ -78,7 +73,7 @@ def record_statistics(item: IdentificationProblem) -> RecordStatistics:
     values = np.concatenate([np.zeros(own), local])
     for friction, place in zip(_friction(factors, local)[0], places, strict=True):
         values[place] = friction[: len(place)]
-    scores, residual = record_scores(alone, 0, values, np.ones(alone.joints))
+    scores, residual = scores_of(alone.chunks(0), item.blocks, values, np.ones(alone.joints))
     lag = correlation_lag(residual, item.rate_hz)
     short = 1.0 / max(1.0 - 2.0 * lag / item.blocks, 0.5)
     long_run = np.zeros((alone.joints, widest, widest))

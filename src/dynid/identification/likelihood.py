@@ -21,34 +21,22 @@ LEAST_STEP = 1e-7
 """Steps of differences are no smaller [rad, rad/s, rad/s^2]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MotionNoise:
-    """White position noise that a low-pass let through up to its cut-off."""
+def motion_covariance(density: Array, cutoff_hz: float) -> Array:
+    """(3n, 3n) of q, dq, ddq at one instant: velocities are independent of the others.
 
-    density: Array
-    """(n) one-sided power density of the position noise [rad^2/Hz]."""
-    cutoff_hz: float
-    """Cut-off [Hz]."""
-
-    def covariance(self) -> Array:
-        """(3n, 3n) of q, dq, ddq at one instant: velocities are independent of the others."""
-        turn = 2 * np.pi
-        q, dq, ddq = (
-            turn ** (2 * k) * self.cutoff_hz ** (2 * k + 1) / (2 * k + 1) for k in range(3)
-        )
-        one = np.array([[q, 0, -dq], [0, dq, 0], [-dq, 0, ddq]])
-        return np.asarray(np.kron(one, np.diag(self.density)), dtype=np.float64)
-
-    def steps(self) -> Array:
-        """(3, n) standard deviations of q, dq, ddq."""
-        deviation = np.sqrt(np.diag(self.covariance())).reshape(3, -1)
-        return np.maximum(deviation, LEAST_STEP)
+    Of white position noise with a density as of `motion_noise`, let through up to a cut-off [Hz].
+    """
+    turn = 2 * np.pi
+    q, dq, ddq = (turn ** (2 * k) * cutoff_hz ** (2 * k + 1) / (2 * k + 1) for k in range(3))
+    one = np.array([[q, 0, -dq], [0, dq, 0], [-dq, 0, ddq]])
+    return np.asarray(np.kron(one, np.diag(density)), dtype=np.float64)
 
 
-def motion_noise(samples: Samples) -> MotionNoise:
-    """The noise of a motion: the level of the acceleration's spectrum between motion and cut-off.
+def motion_noise(samples: Samples) -> Array:
+    """(n) one-sided power density of the position noise [rad^2/Hz].
 
-    Of several records the longest counts.
+    The level of the acceleration's spectrum between motion and cut-off; of several records the
+    longest counts.
     """
     rate = samples.rate_hz
     part = max(segments(samples.t, rate), key=lambda s: s.stop - s.start)
@@ -61,13 +49,10 @@ def motion_noise(samples: Samples) -> MotionNoise:
     band = (frequency > lower) & (frequency < UPPER_SHARE * samples.cutoff_hz)
     if band.sum() < 5:
         # No room above the motion: nothing to be seen there.
-        return MotionNoise(density=np.zeros(samples.joints), cutoff_hz=samples.cutoff_hz)
+        return np.zeros(samples.joints)
     level = power[band] / (2 * np.pi * frequency[band, None]) ** 4
     # A periodogram's median lies below its mean by log 2.
-    return MotionNoise(
-        density=np.asarray(np.median(level, axis=0), dtype=np.float64) / np.log(2.0),
-        cutoff_hz=samples.cutoff_hz,
-    )
+    return np.asarray(np.median(level, axis=0), dtype=np.float64) / np.log(2.0)
 
 
 MOST_ROWS = 1200
@@ -92,7 +77,7 @@ class MaximumLikelihood(Estimator):
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""
         start = WeightedLeastSquares(prior_gain=self.prior_gain).fit(problem)
-        likelihood = Likelihood.of(problem, start, motion_noise(problem.samples))
+        likelihood = Likelihood.of(problem, start)
         turn = inverse_upper(start.information)
 
         def cost(step: Array) -> tuple[float, Array]:
@@ -134,8 +119,8 @@ class Likelihood:
     """Instants of the record for one that is looked at."""
 
     @staticmethod
-    def of(problem: IdentificationProblem, start: Fit, noise: MotionNoise) -> "Likelihood":
-        """The likelihood of a problem with noise of the motion.
+    def of(problem: IdentificationProblem, start: Fit) -> "Likelihood":
+        """The likelihood of a problem with the noise of its motion.
 
         The residuals of a least-squares fit, where it starts, bound the torque noise.
         """
@@ -143,8 +128,9 @@ class Likelihood:
         pick = np.linspace(0, samples.count - 1, min(MOST_ROWS, samples.count)).astype(int)
         columns = list(base.independent)
         motion = tuple(x[pick] for x in (samples.q, samples.dq, samples.ddq))
-        covariance = noise.covariance()
-        slopes = _slopes(base.model, motion, columns, noise.steps())
+        covariance = motion_covariance(motion_noise(samples), samples.cutoff_hz)
+        steps = np.maximum(np.sqrt(np.diag(covariance)).reshape(3, -1), LEAST_STEP)
+        slopes = _slopes(base.model, motion, columns, steps)
         through = np.einsum("r,rjkt->jkt", start.values, slopes)
         passed = np.einsum("jkt,kl,jlt->j", through, covariance, through) / len(pick)
         given = samples.noise

@@ -10,71 +10,56 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Finding, JobError, freeze, told
+from dynid.core import Array, Finding, freeze, scipy_part, told
 from dynid.identification.shared import PAYLOAD, SharedFit, SharedProblem
-from dynid.robot import (
-    PARAMETERS,
-    PSEUDO_INERTIA_BASIS,
-    frame_map,
-    from_pseudo_inertia,
-    tensor,
-    to_pseudo_inertia,
-)
+from dynid.robot import PARAMETERS, frame_map, from_pseudo_inertia, tensor, to_pseudo_inertia
 
 _START = 1e-3
 """Smallest eigenvalue of the first body, over the largest."""
-_SHRINK = 0.1
-_LAST = 1e-10
-"""Weight of the barrier at the end: the misfit is then at most four times that above its least."""
-_STEPS = 200
-_DONE = 1e-6
-"""Square of the Newton decrement, over the barrier's weight, at which a stage ends."""
+_GRADIENT = 1e-12
+"""At the end, over the misfit of the first body."""
+_MATRICES = np.eye(16).reshape(16, 4, 4)
+_BENDS = _MATRICES[:, None] @ _MATRICES.swapaxes(1, 2)
 
 
 def nearest_body(free: Array, covariance: Array) -> Array:
     """Minimise (p - p0)' C^-1 (p - p0) over parameters whose pseudo-inertia is not negative.
 
     p0 (10) is the free estimate, C (10, 10) its covariance. This is the constrained least-squares
-    answer of the whole problem, with all else already eliminated. Newton's method on half the
-    misfit less mu log det J(p), mu falling to zero (Boyd and Vandenberghe 2004, 11.3).
-
-    Raises:
-        JobError: Newton's method does not converge.
+    answer of the whole problem, with all else already eliminated. With J = L L' nothing is left
+    that constrains L (4, 4), and no minimum but the best one (Burer and Monteiro 2005).
     """
     values, vectors = np.linalg.eigh(to_pseudo_inertia(free))
     if values[0] >= 0:
         return free.copy()
-    size = float(np.abs(values).max())
-    point = from_pseudo_inertia((vectors * np.maximum(values, _START * size)) @ vectors.T)
+    first = vectors * np.sqrt(np.maximum(values, _START * float(np.abs(values).max())))
     white = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=np.float64)
-    precision = white.T @ white
-    mu = 1.0
-    while mu > _LAST:
-        point = _centred(point, free, precision, mu)
-        mu *= _SHRINK
-    return point
 
+    def body(square: Array) -> Array:
+        return from_pseudo_inertia(first @ square @ first.T)
 
-def _centred(point: Array, free: Array, precision: Array, mu: float) -> Array:
-    """The minimiser for one weight of the barrier."""
-    for _ in range(_STEPS):
-        solved = _solve(to_pseudo_inertia(point), PSEUDO_INERTIA_BASIS)
-        gradient = precision @ (point - free) - mu * np.trace(solved, axis1=1, axis2=2)
-        hessian = precision + mu * np.einsum("iab,jba->ij", solved, solved)
-        scale = 1.0 / np.sqrt(np.diag(hessian))
-        scaled = hessian * scale[:, None] * scale[None, :]
-        step = -scale * _solve(scaled, scale * gradient)
-        decrement = float(-gradient @ step)
-        if decrement < _DONE * mu:
-            return point
-        # The damped step of self-concordant functions stays among the bodies and descends.
-        length = float(np.sqrt(max(decrement, 0.0) / mu))
-        point = point + (step if length < 0.25 else step / (1.0 + length))
-    raise JobError("no nearest body was found", value=f"barrier {mu:.0e}")
+    def parts(x: Array) -> tuple[Array, Array]:
+        """The whitened gap (10), and its slope (16, 10)."""
+        factor = np.eye(4) + x.reshape(4, 4)
+        turned = _MATRICES @ factor.T
+        gap = white @ (body(factor @ factor.T) - free)
+        return gap, body(turned + turned.swapaxes(1, 2)) @ white.T
 
+    def cost(x: Array) -> tuple[float, Array]:
+        gap, slope = parts(x)
+        return size / 2 * float(gap @ gap), size * slope @ gap
 
-def _solve(matrix: Array, right: Array) -> Array:
-    return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
+    def curvature(x: Array) -> Array:
+        gap, slope = parts(x)
+        return size * (slope @ slope.T + bends @ gap)
+
+    start = np.zeros(16)
+    size = 1.0 / float(np.square(parts(start)[0]).sum())
+    bends = body(_BENDS + _BENDS.swapaxes(0, 1)) @ white.T
+    how = {"method": "trust-exact", "options": {"gtol": _GRADIENT}}
+    found = scipy_part("optimize").minimize(cost, start, jac=True, hess=curvature, **how)
+    factor = np.eye(4) + np.asarray(found.x, dtype=np.float64).reshape(4, 4)
+    return body(factor @ factor.T)
 
 
 NORMAL_95 = 1.959964

@@ -6,29 +6,19 @@ columns beside them. QR of each record removes its own columns; what is left of 
 the shared parameters; back-substitution gives the rest. No matrix is larger than one record's.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynid.core import (
-    Array,
-    InputError,
-    JobError,
-    Provenance,
-    inverse_upper,
-    solve_upper,
-    upper_triangle,
-)
+from dynid.core import Array, InputError, JobError, inverse_upper, solve_upper, upper_triangle
 from dynid.identification.bayesian import symbol_of
 from dynid.identification.estimate import Estimate
-from dynid.identification.fitting import judged
+from dynid.identification.fitting import EstimateSource, judged
 from dynid.identification.least_squares import Fit, autocorrelation
 from dynid.identification.problem import IdentificationProblem, block_mean, recorded_rows
-from dynid.identification.statistics import correlation_lag, long_run_covariance
-from dynid.recording import ExperimentRecord
+from dynid.identification.statistics import correlation_lag, long_run_covariance, scores_of
 from dynid.reduction import BaseParametrization
-from dynid.signals import ProcessingSettings
 
 INERTIAS = ("Im", "Imm")
 """Columns after the links' that belong to the robot, not to its friction."""
@@ -301,7 +291,8 @@ def _covariance(
     total = sum(item.blocks for item in problem.problems)
 
     def scored(k: int) -> tuple[Array, Array]:
-        local, residual = record_scores(problem, k, solution.local(k), weights[k])
+        blocks = problem.problems[k].blocks
+        local, residual = scores_of(problem.chunks(k), blocks, solution.local(k), weights[k])
         scores = np.zeros((len(naive), local.shape[1]))
         scores[k * own : (k + 1) * own], scores[records * own :] = local[:own], local[own:]
         return scores, residual
@@ -362,19 +353,6 @@ def _same_motion(a: IdentificationProblem, b: IdentificationProblem) -> bool:
     return bool((apart <= SAME_PLACE * np.ptp(a.samples.q, axis=0)).all())
 
 
-def record_scores(
-    problem: SharedProblem, record: int, values: Array, weights: Array
-) -> tuple[Array, Array]:
-    """Scores (w, N) and residuals (n, N) of a record."""
-    blocks = problem.problems[record].blocks
-    scores, residual = np.empty((len(values), blocks)), np.empty((problem.joints, blocks))
-    for part, columns, torque in problem.chunks(record):
-        residual[:, part] = torque - np.tensordot(values, columns, axes=1)
-        weighted = residual[:, part] * np.square(weights)[:, None]
-        scores[:, part] = np.einsum("rjt,jt->rt", columns, weighted, optimize=True)
-    return scores, residual
-
-
 ESTIMATOR = "wls, shared"
 
 
@@ -388,19 +366,13 @@ def base_order(problem: SharedProblem, fit: SharedFit, record: int) -> list[int]
 
 
 def shared_estimates(
-    problem: SharedProblem,
-    fit: SharedFit,
-    *,
-    records: Sequence[ExperimentRecord],
-    settings: ProcessingSettings,
-    preset: str,
-    choices: tuple[str, ...],
-    made: Provenance,
+    problem: SharedProblem, fit: SharedFit, source: EstimateSource
 ) -> tuple[Estimate, ...]:
-    """One estimate a record, all with the same inertias; see `fit_estimate` for the keywords."""
+    """One estimate a record, all with the same inertias."""
     flat = np.concatenate([fit.solution.own.ravel(), fit.solution.shared])
+    words = (*source.choices, f"inertias shared by {len(problem.problems)} records")
     found: list[Estimate] = []
-    for k, (item, record) in enumerate(zip(problem.problems, records, strict=True)):
+    for k, (item, record) in enumerate(zip(problem.problems, source.records, strict=True)):
         order = base_order(problem, fit, k)
         values, naive = flat[order], fit.naive[np.ix_(order, order)]
         scale = np.sqrt(np.diag(naive))
@@ -416,14 +388,10 @@ def shared_estimates(
             judged(
                 item,
                 plain,
-                [record],
-                settings,
+                replace(source, records=[record], choices=words),
                 covariance=fit.covariance[np.ix_(order, order)],
                 naive_std=scale,
                 estimator=ESTIMATOR,
-                preset=preset,
-                choices=(*choices, f"inertias shared by {len(problem.problems)} records"),
-                provenance=made,
                 residual_autocorrelation=autocorrelation(item.residual(values), 1),
             )
         )

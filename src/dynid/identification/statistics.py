@@ -1,5 +1,6 @@
 """Calibrated uncertainty: naive and autocorrelation-consistent covariances."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -211,15 +212,9 @@ def hac_covariance(fit: Fit, problem: IdentificationProblem) -> Array:
     sum_j w_j^2 W_j' r_j, summed over joints at each instant, so that correlation between
     joints counts too. The lag grows with the correlation time of the residuals (Andrews 1991).
     """
-    scores = np.empty((problem.base.rank, problem.blocks))
-    residual = np.empty((problem.samples.joints, problem.blocks))
-    square = np.square(fit.weights)[:, None]
-    for part, columns, torque in problem.chunks():
-        residual[:, part] = torque - np.tensordot(fit.values, columns, axes=1)
-        weighted = residual[:, part] * square
-        if fit.row_weights is not None:
-            weighted = weighted * fit.row_weights[:, part]
-        scores[:, part] = np.einsum("rjt,jt->rt", columns, weighted, optimize=True)
+    scores, residual = scores_of(
+        problem.chunks(), problem.blocks, fit.values, fit.weights, fit.row_weights
+    )
     lag = correlation_lag(residual, problem.rate_hz)
     floor = np.diag(naive_covariance(fit))
     if autocorrelation(residual, 1).max() > MODEL_CORRELATION and fit.row_weights is None:
@@ -227,6 +222,28 @@ def hac_covariance(fit: Fit, problem: IdentificationProblem) -> Array:
     inverse = inverse_upper(fit.information)
     bread, long_run = inverse @ inverse.T, long_run_covariance(scores, lag)
     return sandwich(fit, bread, long_run, problem.blocks, lag, floor)
+
+
+def scores_of(
+    chunks: Iterable[tuple[slice, Array, Array]],
+    rows: int,
+    values: Array,
+    weights: Array,
+    row_weights: Array | None = None,
+) -> tuple[Array, Array]:
+    """Scores (r, N) and residuals (n, N) of so many rows at values (r), weighted by joint (n).
+
+    Of parts with their columns (r, n, T) and torques (n, T); `row_weights` (n, N) as of a `Fit`.
+    """
+    scores, residual = np.empty((len(values), rows)), np.empty((len(weights), rows))
+    square = np.square(weights)[:, None]
+    for part, columns, torque in chunks:
+        residual[:, part] = torque - np.tensordot(values, columns, axes=1)
+        weighted = residual[:, part] * square
+        if row_weights is not None:
+            weighted = weighted * row_weights[:, part]
+        scores[:, part] = np.einsum("rjt,jt->rt", columns, weighted, optimize=True)
+    return scores, residual
 
 
 def sandwich(fit: Fit, bread: Array, long_run: Array, rows: int, lag: int, floor: Array) -> Array:

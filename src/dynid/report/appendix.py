@@ -30,11 +30,7 @@ QUANTITIES = (("position", "rad"), ("velocity", "rad/s"), ("acceleration", "rad/
 
 
 def design_figures(item: ReportedDesign) -> tuple[draw.Figure, ...]:
-    """All figures of a design.
-
-    Args:
-        item: The design.
-    """
+    """All figures of a design."""
     judged = () if item.judged is None else _arm_figures(item.judged, item.name)
     search = () if item.search is None else (_search_figure(item, *item.search),)
     return (_motion_figure(item), *judged, *search)

@@ -1,5 +1,7 @@
 """Figures of a result: torque, friction, links, rival models, parameters, residuals."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from dynid import figures as draw
@@ -15,6 +17,8 @@ STANDSTILL_S = 0.1
 """Shorter stops are reversals."""
 MAX_POINTS = 250
 """Of a cloud, a joint."""
+LINK_HEIGHT = 34.0
+"""Of a link's row [px]."""
 TIME = "time"
 """Link of all plots over the time of the recording."""
 
@@ -40,16 +44,17 @@ def torque_panels(
     unit = f"[{draw.joint_unit('N.m', robot.prismatic[j : j + 1])}]"
     t, measured, predicted = result.t, result.measured[:, j], result.predicted[:, j]
     error = measured - predicted
-    events: tuple[draw.Mark, ...] = (
-        draw.Spans(
-            draw.shaded(t, np.abs(result.dq[:, j]) < MOVING_SPEED, STANDSTILL_S), name="standstill"
-        ),
+    still = draw.shaded(t, np.abs(result.dq[:, j]) < MOVING_SPEED, STANDSTILL_S)
+    events = (
+        draw.Spans(still, name="standstill"),
         *(
-            (draw.Spans(item.events.contacts, "contact", "contact"),)
-            if item.events.contacts
-            else ()
+            draw.Spans(stretches, role, name)
+            for stretches, role, name in (
+                (item.events.contacts, "contact", "contact"),
+                (item.events.left_out, "panel", "left out"),
+            )
+            if stretches
         ),
-        *((draw.Spans(item.events.left_out, "panel", "left out"),) if item.events.left_out else ()),
     )
     moving = np.abs(result.dq[:, j]) >= MOVING_SPEED
     usual = float(np.std(error[moving])) if moving.any() else float(np.std(error))
@@ -84,11 +89,7 @@ def _rounded_up(value: float) -> float:
 
 
 def torque_figure(item: ReportedEstimate) -> draw.Figure | None:
-    """All joints, the worst first; None without a prediction.
-
-    Args:
-        item: The estimate.
-    """
+    """All joints, the worst first; None without a prediction."""
     result = item.shown
     if result is None:
         return None
@@ -109,8 +110,7 @@ def _friction_torque(estimate: Estimate, speeds: Array) -> Array:
 def friction_figure(item: ReportedEstimate) -> draw.Figure | None:
     """Measured torque less the rigid body's, over velocity, with the model's friction.
 
-    Args:
-        item: The estimate; None without a prediction.
+    None without a prediction.
     """
     result, estimate = item.shown, item.estimate
     if result is None:
@@ -170,8 +170,7 @@ def friction_figure(item: ReportedEstimate) -> draw.Figure | None:
 def links_figure(item: ReportedEstimate) -> draw.Figure | None:
     """Masses and centres less those of the prior, with intervals, and how much of them is data.
 
-    Args:
-        item: The estimate; None where its links are not known.
+    None where the links are not known.
     """
     found = item.links
     if found is None:
@@ -199,48 +198,27 @@ def links_figure(item: ReportedEstimate) -> draw.Figure | None:
         f"{name}  {masses[k]}{f' ± {around[k]}' if share[k, 0] > 1 else ''} kg"
         for k, name in enumerate(names)
     ]
-    height = 34.0 * n
+    data = (share[:, 0], share[:, 1:4].mean(axis=1), share[:, 4:10].mean(axis=1))
     return draw.Figure(
         title="Links",
         note="Identified less the prior (published, or plausible), 95 % intervals; centre x, y, z "
         "from top to bottom. Each link is named by the joint that moves it.",
         x=draw.Axis(low=0, high=1),
         panels=(
-            draw.Panel(
-                title="Mass [%]",
-                x=_around(change, deviation, true_mass),
-                y=draw.category_axis(labels),
-                marks=_intervals(rows, change, deviation, share[:, 0], true_mass),
-                height=height,
-                grid=True,
-            ),
-            draw.Panel(
-                title="Centre of mass [mm]",
-                x=_around(centre, spread, true_centre),
-                y=draw.category_axis(names),
-                marks=_intervals(
-                    places.ravel(),
-                    centre.ravel(),
-                    spread.ravel(),
-                    share[:, 1:4].ravel(),
-                    None if true_centre is None else true_centre.ravel(),
-                ),
-                height=height,
-                grid=True,
+            _from_prior("Mass [%]", labels, rows, change, deviation, share[:, 0], true_mass),
+            _from_prior(
+                "Centre of mass [mm]", names, places, centre, spread, share[:, 1:4], true_centre
             ),
             draw.Panel(
                 title="From data [%]",
                 note="mass, centre, inertia",
                 x=draw.Axis(low=0, high=100),
                 y=draw.category_axis(names),
-                marks=(
-                    draw.Bars(places[:, 0], share[:, 0], thickness=0.2, across=True),
-                    draw.Bars(places[:, 1], share[:, 1:4].mean(axis=1), thickness=0.2, across=True),
-                    draw.Bars(
-                        places[:, 2], share[:, 4:10].mean(axis=1), thickness=0.2, across=True
-                    ),
+                marks=tuple(
+                    draw.Bars(at, part, thickness=0.2, across=True)
+                    for at, part in zip(places.T, data, strict=True)
                 ),
-                height=height,
+                height=LINK_HEIGHT * n,
                 grid=True,
             ),
         ),
@@ -249,29 +227,37 @@ def links_figure(item: ReportedEstimate) -> draw.Figure | None:
     )
 
 
-def _around(values: Array, std: Array, truth: Array | None) -> draw.Axis:
-    sizes = [np.abs(values) + CONFIDENCE * std, *([] if truth is None else [np.abs(truth)])]
+def _from_prior(
+    title: str,
+    names: Sequence[str],
+    at: Array,
+    values: Array,
+    std: Array,
+    share: Array,
+    truth: Array | None,
+) -> draw.Panel:
+    """Differences from the prior at places on an axis of names, by how much of them is data [%]."""
+    at, values, std, data = at.ravel(), values.ravel(), std.ravel(), share.ravel() >= 50
+    true = [] if truth is None else [truth.ravel()]
+    sizes = np.concatenate([np.abs(values) + CONFIDENCE * std, *map(np.abs, true)])
     # A link that only the prior knows must not set the scale of all others.
-    reach = float(np.nanpercentile(np.concatenate([s.ravel() for s in sizes]), 95))
-    reach = max(1.1 * reach, 1e-3)
-    return draw.Axis(low=-reach, high=reach)
-
-
-def _intervals(
-    at: Array, values: Array, std: Array, share: Array, truth: Array | None
-) -> tuple[draw.Mark, ...]:
-    data = share >= 50
+    reach = max(1.1 * float(np.nanpercentile(sizes, 95)), 1e-3)
     low, high = values - CONFIDENCE * std, values + CONFIDENCE * std
-    marks: list[draw.Mark] = [draw.Level(0.0, "limit", upright=True, dash="")]
-    if truth is not None:
-        marks.append(draw.Ranges(truth, at - 0.13, at + 0.13, "truth", "ground truth", 2.2))
-    marks += [
-        draw.Ranges(at[data], low[data], high[data], "predicted", width=1.6, across=True),
-        draw.Points(values[data], at[data], "predicted", "from data", 7),
-        draw.Ranges(at[~data], low[~data], high[~data], "limit", width=1.2, across=True),
-        draw.Points(values[~data], at[~data], "limit", "mostly prior", 7, hollow=True),
-    ]
-    return tuple(marks)
+    return draw.Panel(
+        title=title,
+        x=draw.Axis(low=-reach, high=reach),
+        y=draw.category_axis(names),
+        marks=(
+            draw.Level(0.0, "limit", upright=True, dash=""),
+            *(draw.Ranges(x, at - 0.13, at + 0.13, "truth", "ground truth", 2.2) for x in true),
+            draw.Ranges(at[data], low[data], high[data], "predicted", width=1.6, across=True),
+            draw.Points(values[data], at[data], "predicted", "from data", 7),
+            draw.Ranges(at[~data], low[~data], high[~data], "limit", width=1.2, across=True),
+            draw.Points(values[~data], at[~data], "limit", "mostly prior", 7, hollow=True),
+        ),
+        height=LINK_HEIGHT * len(names),
+        grid=True,
+    )
 
 
 MODEL_NAMES = {
@@ -287,19 +273,19 @@ def models_figure(item: ReportedEstimate) -> draw.Figure | None:
     told = item.estimate.assessment
     if told is None or not told.models:
         return None
-    shown = [m for m in told.models if m.name != "published"] or list(told.models)
+    shown = {name: x for name, x in told.models.items() if name != "published"} or told.models
     width, rows = 0.8 / len(shown), np.arange(len(told.torque), dtype=np.float64)
-    errors = [100 * model.rms / np.maximum(told.torque, 1e-9) for model in shown]
+    errors = [100 * rms / np.maximum(told.torque, 1e-9) for rms in shown.values()]
     marks = tuple(
         draw.Bars(
             rows + (k - (len(shown) - 1) / 2) * width,
             error,
-            MODEL_ROLES.get(model.name, "predicted"),
-            MODEL_NAMES.get(model.name, model.name),
+            MODEL_ROLES.get(name, "predicted"),
+            MODEL_NAMES.get(name, name),
             thickness=0.9 * width,
             across=True,
         )
-        for k, (model, error) in enumerate(zip(shown, errors, strict=True))
+        for k, (name, error) in enumerate(zip(shown, errors, strict=True))
     )
     highest = max(1.08 * float(np.max(errors)), 1e-6)
     names = draw.category_axis(joint_labels(item.estimate.model.robot.joint_names))
@@ -311,11 +297,7 @@ def models_figure(item: ReportedEstimate) -> draw.Figure | None:
 
 
 def parameter_figure(estimate: Estimate) -> draw.Figure:
-    """Each base parameter with its 95 % interval, over the size of its kind.
-
-    Args:
-        estimate: The estimate; parameters that are not significant are hollow.
-    """
+    """Each base parameter with its 95 % interval; those that are not significant are hollow."""
     kinds = list(dict.fromkeys(estimate.units))
     panels: list[draw.Panel] = []
     for unit in kinds:

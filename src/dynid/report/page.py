@@ -178,9 +178,6 @@ def write_figures(
 def render(contents: ReportContents) -> str:
     """The report as HTML; text from files is escaped.
 
-    Args:
-        contents: What to show.
-
     Raises:
         InputError: No estimate.
     """
@@ -213,10 +210,6 @@ def render(contents: ReportContents) -> str:
 
 def write_report(contents: ReportContents, path: str | Path) -> Path:
     """Write the report in one piece: an interrupt leaves the old file or the new one.
-
-    Args:
-        contents: What to show.
-        path: The page.
 
     Raises:
         InputError: No estimate, or a place where no such file can be.

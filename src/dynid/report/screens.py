@@ -195,16 +195,16 @@ def model_bars(item: ReportedEstimate) -> tuple[Bar, ...]:
     if told is None:
         return ()
     size = float(np.linalg.norm(told.torque))
-    errors = [100 * float(np.linalg.norm(m.rms)) / max(size, 1e-9) for m in told.models]
+    errors = [100 * float(np.linalg.norm(rms)) / max(size, 1e-9) for rms in told.models.values()]
     longest = max([*errors, 1e-9])
     return tuple(
         Bar(
-            name=MODEL_NAMES.get(m.name, m.name),
+            name=MODEL_NAMES.get(name, name),
             value=f"{number(e, 3)} %",
             share=100 * e / longest,
-            role=MODEL_ROLES.get(m.name, "predicted"),
+            role=MODEL_ROLES.get(name, "predicted"),
         )
-        for m, e in zip(told.models, errors, strict=True)
+        for name, e in zip(told.models, errors, strict=True)
     )
 
 

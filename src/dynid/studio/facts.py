@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from dynid.constraints import DISTANCES, HALF_SPACE, RATIOS, Worst, prior_dynamics
-from dynid.core import Array, Indices, InputError, printable
+from dynid.core import Array, Indices, InputError, plain, printable
 from dynid.export import roll_pitch_yaw
 from dynid.recording import ExperimentRecord
 from dynid.report import ReportedEstimate
@@ -157,8 +157,8 @@ def margins(worst: Mapping[str, Worst]) -> list[dict[str, Any]]:
                 "used": min(used, 9.99),
                 "allowed": allowed,
                 # A distance below zero is how deep bodies are in each other.
-                "value": _finite(scale * (item.value if item.distance else abs(item.value))),
-                "limit": _finite(scale * abs(item.limit)),
+                "value": plain(float(scale * (item.value if item.distance else abs(item.value)))),
+                "limit": plain(float(scale * abs(item.limit))),
                 "distance": item.distance,
                 "level": level,
             }
@@ -305,8 +305,8 @@ def _facts(item: ReportedEstimate) -> dict[str, Any]:
                 "name": printable(estimate.names[k]),
                 "expression": printable(estimate.expressions[k], 160),
                 "unit": estimate.units[k],
-                "value": _finite(estimate.values[k]),
-                "interval": _finite(CONFIDENCE * estimate.std[k]),
+                "value": plain(float(estimate.values[k])),
+                "interval": plain(float(CONFIDENCE * estimate.std[k])),
             }
             for k in estimate.essential[:PARAMETERS]
         ],
@@ -320,7 +320,7 @@ def _facts(item: ReportedEstimate) -> dict[str, Any]:
     error = np.sqrt(np.mean((shown.measured - shown.predicted) ** 2, axis=0))
     size = np.sqrt(np.mean(shown.measured**2, axis=0))
     found["joints"] = [
-        {"name": printable(name), "error": _finite(error[j]), "torque": _finite(size[j])}
+        {"name": printable(name), "error": plain(float(error[j])), "torque": plain(float(size[j]))}
         for j, name in enumerate(names)
     ]
     found["basis"] = "the recording it was made from" if own else "another recording"
@@ -333,10 +333,6 @@ def _facts(item: ReportedEstimate) -> dict[str, Any]:
         "t": encoded(t),
     }
     return found
-
-
-def _finite(value: Any) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def _made(path: Path) -> float:

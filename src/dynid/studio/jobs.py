@@ -72,9 +72,6 @@ class JobState:
 class Supervisor:
     """One job in a process of its own.
 
-    Args:
-        job: What to do.
-
     Raises:
         JobError: The process cannot be started.
     """

@@ -66,11 +66,7 @@ _BUSY = 20.0
 
 
 class TailReader:
-    """Reads a recording in progress now and then.
-
-    Args:
-        path: The Parquet file that is going to be made.
-    """
+    """Reads now and then the recording that is going to be a Parquet file at a path."""
 
     def __init__(self, path: Path) -> None:
         self._path = partial_path(path)
@@ -78,10 +74,9 @@ class TailReader:
         self._size = 0
 
     def read(self, now: float) -> ExperimentRecord | None:
-        """What there is; None where there is nothing new, or it is too early to look.
+        """What there is at a time of a clock that only goes forward [s].
 
-        Args:
-            now: Time of a clock that only goes forward [s].
+        None where there is nothing new, or it is too early to look.
         """
         if now < self._next:
             return None

@@ -13,17 +13,15 @@ import numpy as np
 
 from dynid.core import DynidError, InputError, JobError, JsonFields, printable
 from dynid.excitation import CRITERIA
-from dynid.export import roll_pitch_yaw
+from dynid.export import roll_pitch_yaw, write_model
 from dynid.robot import from_xyz_rpy
 from dynid.studio import facts
 from dynid.studio.facts import judged_estimates
 from dynid.studio.jobs import Job, JobState, Supervisor
 from dynid.studio.live import TailReader
-from dynid.studio.opening import Opened, kind_of, open_path
 from dynid.studio.scene_editing import KINDS, SceneEditor, open_scene
-from dynid.studio.session import Session, file_in, free_name
+from dynid.studio.session import Opened, Session, file_in, free_name, kind_of, open_path
 from dynid.studio.solids import robot_meshes
-from dynid.workflow import export_file
 
 FILES = {
     "design": "design.json",
@@ -43,11 +41,7 @@ _TICK_WHILE_RUNNING_S = 0.2
 
 
 class Page:
-    """What all visitors see and do.
-
-    Args:
-        opened: What the studio starts with.
-    """
+    """What all visitors see and do, beginning with what was opened."""
 
     def __init__(self, opened: Opened) -> None:
         self._open(opened)
@@ -344,7 +338,7 @@ class Page:
         if path is None or to not in EXPORTS:
             raise InputError("choose an estimate and a format", value=to, limit=", ".join(EXPORTS))
         name = free_name(session.folder, f"{path.stem}{EXPORTS[to]}")
-        made = export_file(path, to, session.folder / name)
+        made = write_model(path, session.folder / name, to)
         notes = [printable(str(item), 300) for item in made.to_json()["warnings"]]
         return {"words": ". ".join([f"written: {name}", *notes])}
 

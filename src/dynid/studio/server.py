@@ -25,8 +25,8 @@ from typing import Any, cast
 from urllib.parse import SplitResult, parse_qs, unquote, urlsplit
 
 from dynid.core import DynidError, InputError, JsonFields, parse_json
-from dynid.studio.opening import open_path
 from dynid.studio.page import Page
+from dynid.studio.session import open_path
 
 DEFAULT_HOST = "127.0.0.1"
 SHORTEST_TOKEN = 12

@@ -21,8 +21,6 @@ from dynid.workflow.design_limits import given_limits as given_limits
 from dynid.workflow.designing import DEFAULT_STARTS as DEFAULT_STARTS
 from dynid.workflow.designing import design as design
 from dynid.workflow.fitting import LogFit as LogFit
-from dynid.workflow.fitting import check_suffix as check_suffix
-from dynid.workflow.fitting import export_file as export_file
 from dynid.workflow.fitting import fit as fit
 from dynid.workflow.fleet import Fleet as Fleet
 from dynid.workflow.fleet import fleet as fleet

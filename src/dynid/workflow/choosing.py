@@ -8,23 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dynid import identification
 from dynid.core import InputError, Progress, Provenance, provenance
-from dynid.identification import (
-    PRIOR_GAIN,
-    AllRows,
-    Estimate,
-    Estimator,
-    PhysicallyConsistent,
-    Selection,
-    TowardPublished,
-    WeightedLeastSquares,
-    estimator_of,
-    fit_estimate,
-    select,
-    with_load,
-    with_ripple,
-    without_negative,
-)
 from dynid.recording import AnyRecording, ExperimentRecord, fingerprint
 from dynid.regressor import FrictionTerms, InverseDynamicModel
 from dynid.robot import RobotModel
@@ -48,18 +33,18 @@ motion leaves that much to the prior."""
 
 
 def _estimator(
-    settings: IdentifySettings, robot: RobotModel, choice: Selection | None
-) -> Estimator:
+    settings: IdentifySettings, robot: RobotModel, choice: identification.Selection | None
+) -> identification.Estimator:
     """The estimator that settings ask for, or the one that was chosen (None: preset `paper`)."""
-    if isinstance(settings.estimator, Estimator):
+    if isinstance(settings.estimator, identification.Estimator):
         return settings.estimator
     weight = 0.0 if choice is None else choice.prior_weight
-    gain = None if choice is None else PRIOR_GAIN
+    gain = None if choice is None else identification.PRIOR_GAIN
     word = settings.estimator or ("ols" if choice is None else "wls")
     if word == "sdp" and weight >= REGIONS_FROM:
-        return PhysicallyConsistent(prior_gain=gain, by_regions=True)
+        return identification.PhysicallyConsistent(prior_gain=gain, by_regions=True)
     if word != "wls":
-        return estimator_of(word, gain)
+        return identification.estimator_of(word, gain)
     groups = None
     if settings.weighting == "size":
         torque = robot.limits.torque
@@ -71,8 +56,8 @@ def _estimator(
             )
         groups = tuple(int(k) for k in np.unique(torque, return_inverse=True)[1])
     if settings.estimator is None and weight > 0:
-        return TowardPublished(weight=weight, groups=groups)
-    return WeightedLeastSquares(groups=groups, prior_gain=gain)
+        return identification.TowardPublished(weight=weight, groups=groups)
+    return identification.WeightedLeastSquares(groups=groups, prior_gain=gain)
 
 
 def choose(
@@ -81,7 +66,7 @@ def choose(
     settings: IdentifySettings,
     processing: ProcessingSettings,
     progress: Progress | None = None,
-) -> tuple[Selection, tuple[str, ...]]:
+) -> tuple[identification.Selection, tuple[str, ...]]:
     """Choose settings and friction on all records together; a lone periodic one is averaged.
 
     What the processing sets stays; what was chosen is returned for programs and in words.
@@ -101,7 +86,7 @@ def choose(
             repetitions = int(len(signals.t) / signals.rate_hz / period + 1e-6)
             recordings = [fold_periods(signals, period)]
             averaged = (f"average of {repetitions} periods of {period:g} s",)
-    chosen = select(
+    chosen = identification.select(
         robot,
         settings.frames,
         recordings,
@@ -116,7 +101,7 @@ def choose(
     return chosen, (*averaged, *_words(chosen, any(robot.prismatic)))
 
 
-def _words(chosen: Selection, slides: bool) -> tuple[str, ...]:
+def _words(chosen: identification.Selection, slides: bool) -> tuple[str, ...]:
     place, speed, torque = "rad", "rad/s", "N.m"
     if slides:
         place, speed, torque = "rad or m", "rad/s or m/s", "N.m or N"
@@ -166,34 +151,22 @@ class Prepared:
     samples: Samples
     lengths: tuple[int, ...]
     """Samples of each recording."""
-    estimator: Estimator
-    processing: ProcessingSettings
-    choice: Selection | None
-    """What was chosen by what is left out; None with the preset `paper`."""
-    words: tuple[str, ...]
-    """The same in words."""
+    estimator: identification.Estimator
+    source: identification.EstimateSource
+    near_weights: tuple[float, ...]
+    """Of the published inertias, as chosen by what is left out; empty with the preset `paper`."""
 
     def fit(
-        self,
-        records: Sequence[ExperimentRecord],
-        preset: str,
-        made: Provenance,
-        everything: AllRows | None = None,
-        words: tuple[str, ...] = (),
-    ) -> Estimate:
+        self, everything: identification.AllRows | None = None, words: tuple[str, ...] = ()
+    ) -> identification.Estimate:
         """The estimate, from the samples or from all rows of which they are a part."""
-        return fit_estimate(
+        return identification.fit_estimate(
             self.model,
             self.samples,
             self.estimator,
-            records=records,
-            settings=self.processing,
-            preset=preset,
-            choices=(*self.words, *words),
-            made=made,
+            replace(self.source, choices=(*self.source.choices, *words)),
             lengths=self.lengths if everything is None else (),
-            prior_weight=0.0 if self.choice is None else self.choice.prior_weight,
-            near_weights=() if self.choice is None else self.choice.near_weights,
+            near_weights=self.near_weights,
             everything=everything,
         )
 
@@ -222,6 +195,7 @@ def prepare(
     robot: RobotModel,
     settings: IdentifySettings,
     processing: ProcessingSettings,
+    made: Provenance,
     progress: Progress | None = None,
 ) -> Prepared:
     """Choose, process, and find the shapes that a fit takes as given.
@@ -237,21 +211,26 @@ def prepare(
     friction = settings.terms or FrictionTerms() if choice is None else choice.friction
     estimator = _estimator(settings, robot, choice)
     model = InverseDynamicModel(robot=robot, frames=settings.frames, friction=friction)
-    model = with_load(model, samples, estimator)
+    model = identification.with_load(model, samples, estimator)
     if choice is not None and settings.terms is None:
         chosen = model.names
-        model = without_negative(model, samples, estimator)
+        model = identification.without_negative(model, samples, estimator)
         dropped = ", ".join(name for name in chosen if name not in model.names)
         words += (f"without {dropped}, negative in the fit",) if dropped else ()
-        model = with_ripple(model, samples, estimator)
+        model = identification.with_ripple(model, samples, estimator)
     return Prepared(
         model=model,
         samples=samples,
         lengths=tuple(part.count for part in parts),
         estimator=estimator,
-        processing=processing,
-        choice=choice,
-        words=(*words, *(ripple.describe() for ripple in model.friction.ripples)),
+        source=identification.EstimateSource(
+            records=records,
+            settings=processing,
+            preset=settings.preset,
+            choices=(*words, *(ripple.describe() for ripple in model.friction.ripples)),
+            made=made,
+        ),
+        near_weights=() if choice is None else choice.near_weights,
     )
 
 

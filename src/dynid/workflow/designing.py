@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dynid import excitation
 from dynid.core import (
     Array,
     Finding,
@@ -16,32 +17,6 @@ from dynid.core import (
     file_hash,
     provenance,
     workers,
-)
-from dynid.excitation import (
-    AOptimal,
-    Effort,
-    ExcitationDesign,
-    ExcitationProblem,
-    Expected,
-    GramKernel,
-    HistoryEntry,
-    Optimised,
-    Purpose,
-    Search,
-    SearchProgress,
-    all_criteria,
-    assumed_noise,
-    by_genetic_algorithm,
-    by_gradient,
-    check_room,
-    expected,
-    parse_criterion,
-    prior_scale,
-    purpose_of,
-    region_of,
-    scaled_condition_number,
-    whole_workspace,
-    without_friction,
 )
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
@@ -75,7 +50,7 @@ WEAK_SHARE = 1.0
 """Standard deviation over the parameter's expected size above which a motion says nothing of it."""
 RUN = 3
 """Periods that `dynid run` records by default."""
-Watch = Callable[[HistoryEntry], None]
+Watch = Callable[[excitation.HistoryEntry], None]
 """Told each best motion so far."""
 
 
@@ -86,7 +61,7 @@ def design(
     output: str | Path | None = None,
     progress: Progress | None = None,
     watch: Watch | None = None,
-) -> ExcitationDesign:
+) -> excitation.ExcitationDesign:
     """Design an excitation trajectory.
 
     Ctrl-C ends the search; what was found until then is certified and returned, with
@@ -117,11 +92,11 @@ def design(
     return result
 
 
-def _telling(progress: Progress | None, watch: Watch | None) -> SearchProgress:
+def _telling(progress: Progress | None, watch: Watch | None) -> excitation.SearchProgress:
     """Words for one, each new best motion for the other."""
-    told: list[HistoryEntry] = []
+    told: list[excitation.HistoryEntry] = []
 
-    def tell(search: Search, share: float) -> None:
+    def tell(search: excitation.Search, share: float) -> None:
         if progress is not None:
             progress(search.words(), share)
         best = search.history[-1:]
@@ -136,7 +111,11 @@ class _DesignJob:
     """What designs of one robot for one purpose share, whatever their period."""
 
     def __init__(
-        self, robot: RobotModel, reference: str, asked: DesignSettings, tell: SearchProgress
+        self,
+        robot: RobotModel,
+        reference: str,
+        asked: DesignSettings,
+        tell: excitation.SearchProgress,
     ) -> None:
         self.reference = reference
         self.asked, self.tell = asked, tell
@@ -149,23 +128,23 @@ class _DesignJob:
         model = InverseDynamicModel(robot=robot, frames=asked.frames, friction=terms)
         self.base = reduce_model(model)
         given = None if asked.noise is None else _each(asked.noise, robot.joints, "--noise")
-        self.noise: Array = assumed_noise(robot) if given is None else given
+        self.noise: Array = excitation.assumed_noise(robot) if given is None else given
         self.weights: Array | None = given if asked.minimised in PAPER else self.noise
-        check_room(self.judge, region_of(self._problem(asked.period_s, None)))
+        excitation.check_room(self.judge, excitation.region_of(self._problem(asked.period_s, None)))
         source = ", ".join(map(str, asked.motions))
-        self.purpose: Purpose = (
-            purpose_of(self.base, motions_from(asked.motions, robot), source)
+        self.purpose: excitation.Purpose = (
+            excitation.purpose_of(self.base, motions_from(asked.motions, robot), source)
             if asked.motions
-            else whole_workspace(self.base, self.judge)
+            else excitation.whole_workspace(self.base, self.judge)
         )
         self.previous: Array | None = self._information(self.noise) if asked.previous else None
 
-    def design(self, period_s: float, repetitions: int = 1) -> ExcitationDesign:
+    def design(self, period_s: float, repetitions: int = 1) -> excitation.ExcitationDesign:
         """The design of one period."""
         optimised = _optimised(self._problem(period_s, self.purpose), self.asked, self.tell)
         return self._told(optimised, period_s, repetitions)
 
-    def shortest(self, percent: float) -> ExcitationDesign:
+    def shortest(self, percent: float) -> excitation.ExcitationDesign:
         """The shortest whole number of periods that is expected to reach an accuracy.
 
         Noise averages out with time, so that one design tells how much time is needed; a period
@@ -194,17 +173,19 @@ class _DesignJob:
             raise JobError("no design was found", next_step="Give the arm more room.")
         return best
 
-    def _problem(self, period_s: float, purpose: Purpose | None) -> ExcitationProblem:
+    def _problem(
+        self, period_s: float, purpose: excitation.Purpose | None
+    ) -> excitation.ExcitationProblem:
         asked, base = self.asked, self.base
         # Variances can be added only where the parameters have a common scale.
-        scaled = asked.minimised == AOptimal.name
+        scaled = asked.minimised == excitation.AOptimal.name
         previous = self._information(self.weights) if asked.previous and purpose else None
         start = asked.start_pose
-        return ExcitationProblem(
+        return excitation.ExcitationProblem(
             base=base,
-            criterion=parse_criterion(
+            criterion=excitation.parse_criterion(
                 asked.minimised,
-                scale=prior_scale(self.robot, base) if scaled else None,
+                scale=excitation.prior_scale(self.robot, base) if scaled else None,
                 previous=previous,
                 moment=None if purpose is None else purpose.moment(self.noise),
             ),
@@ -220,24 +201,26 @@ class _DesignJob:
     def _information(self, noise: Array | None) -> Array:
         """The Gram matrix (b, b) of earlier recordings, their friction free to be another."""
         total = np.zeros((self.base.rank, self.base.rank))
-        kernel = GramKernel(self.base.model, self.base, noise=noise, coulomb_width=None)
+        kernel = excitation.GramKernel(self.base.model, self.base, noise=noise, coulomb_width=None)
         for path in self.asked.previous:
             samples = process(path, self.robot)
             # Per second of motion, at the rate of the design: neither side counts by its sampling.
             weight = self.asked.rate_hz / samples.rate_hz
             gram = weight * kernel.gram(samples.q, samples.dq, samples.ddq)
-            total += without_friction(gram, self.base)
+            total += excitation.without_friction(gram, self.base)
         return total
 
-    def _weighted_gram(self, found: ExcitationDesign) -> Array:
-        kernel = GramKernel(self.base.model, self.base, noise=self.noise, coulomb_width=None)
+    def _weighted_gram(self, found: excitation.ExcitationDesign) -> Array:
+        kernel = excitation.GramKernel(
+            self.base.model, self.base, noise=self.noise, coulomb_width=None
+        )
         motion = found.trajectory.evaluate(np.arange(found.samples) / self.asked.rate_hz)
         return kernel.gram(motion.q, motion.dq, motion.ddq)
 
-    def _expected(self, gram: Array, repetitions: float) -> Expected:
-        return expected(repetitions * gram, self.purpose, self.noise, self.previous)
+    def _expected(self, gram: Array, repetitions: float) -> excitation.Expected:
+        return excitation.expected(repetitions * gram, self.purpose, self.noise, self.previous)
 
-    def _repetitions(self, found: ExcitationDesign, percent: float) -> float:
+    def _repetitions(self, found: excitation.ExcitationDesign, percent: float) -> float:
         """How many periods reach the accuracy, as a real number."""
         gram = self._weighted_gram(found)
         if not math.isfinite(self._expected(gram, 1.0).bound_percent):
@@ -253,11 +236,15 @@ class _DesignJob:
             low, high = (low, middle) if reached else (middle, high)
         return high
 
-    def _repeated(self, found: ExcitationDesign, count: int) -> ExcitationDesign:
+    def _repeated(
+        self, found: excitation.ExcitationDesign, count: int
+    ) -> excitation.ExcitationDesign:
         told = self._expected(self._weighted_gram(found), count)
         return replace(found, repetitions=count, expected=told, findings=self._findings(told, 1))
 
-    def _told(self, optimised: Optimised, period_s: float, repetitions: int) -> ExcitationDesign:
+    def _told(
+        self, optimised: excitation.Optimised, period_s: float, repetitions: int
+    ) -> excitation.ExcitationDesign:
         asked, base, finished = self.asked, self.base, optimised.finished
         problem, search = self._problem(period_s, None), optimised.search
         certificate, robot = finished.certificate, self.robot
@@ -265,12 +252,16 @@ class _DesignJob:
         state = (motion.q, motion.dq, motion.ddq)
         # The figures are those of the motion alone and of rows as they are, whatever was optimised;
         # an expected error needs rows over their noise.
-        plain = GramKernel(base.model, base, coulomb_width=None).gram(*state)
-        gram = GramKernel(base.model, base, noise=self.noise, coulomb_width=None).gram(*state)
-        prediction = parse_criterion("prediction", moment=self.purpose.moment(self.noise))
-        criteria = all_criteria(plain, scale=prior_scale(robot, base))
+        plain = excitation.GramKernel(base.model, base, coulomb_width=None).gram(*state)
+        gram = excitation.GramKernel(base.model, base, noise=self.noise, coulomb_width=None).gram(
+            *state
+        )
+        prediction = excitation.parse_criterion(
+            "prediction", moment=self.purpose.moment(self.noise)
+        )
+        criteria = excitation.all_criteria(plain, scale=excitation.prior_scale(robot, base))
         inputs = (*asked.previous, *asked.motions, asked.scene or "")
-        return ExcitationDesign(
+        return excitation.ExcitationDesign(
             trajectory=finished.trajectory,
             robot=self.reference,
             robot_name=robot.name,
@@ -286,7 +277,7 @@ class _DesignJob:
             expected=self._expected(gram, repetitions),
             repetitions=repetitions,
             findings=self._findings(self._expected(gram, RUN), RUN),
-            scaled_condition_number=scaled_condition_number(plain),
+            scaled_condition_number=excitation.scaled_condition_number(plain),
             base_parameters=base.rank,
             samples=problem.samples,
             certificate=replace(certificate, notes=(*unit_notes(robot), *certificate.notes)),
@@ -305,11 +296,11 @@ class _DesignJob:
             settings={**self.limits.to_json(), ROBOT: robot_hash(self.robot)},
         )
 
-    def _findings(self, told: Expected, periods: int) -> tuple[Finding, ...]:
+    def _findings(self, told: excitation.Expected, periods: int) -> tuple[Finding, ...]:
         """What the motion does not excite."""
         if not told.torque_error_percent > WEAK_PERCENT:
             return ()
-        share = told.parameter_std / prior_scale(self.robot, self.base)
+        share = told.parameter_std / excitation.prior_scale(self.robot, self.base)
         worst = [int(k) for k in np.argsort(-share) if share[k] > WEAK_SHARE]
         columns = self.base.model.columns
         names = ", ".join(self.base.names[k] for k in worst[:6])
@@ -329,10 +320,10 @@ class _DesignJob:
 
 
 def _optimised(
-    problem: ExcitationProblem, asked: DesignSettings, tell: SearchProgress
-) -> Optimised:
+    problem: excitation.ExcitationProblem, asked: DesignSettings, tell: excitation.SearchProgress
+) -> excitation.Optimised:
     if asked.method == "ga":
-        return by_genetic_algorithm(
+        return excitation.by_genetic_algorithm(
             problem,
             seed=asked.seed,
             population=asked.population,
@@ -345,9 +336,9 @@ def _optimised(
         starts = DEFAULT_STARTS.get(asked.minimised, MOST_STARTS)
     elif starts is None:
         patience = PATIENCE
-    effort = Effort(starts=starts, budget_s=asked.budget_s, patience=patience)
+    effort = excitation.Effort(starts=starts, budget_s=asked.budget_s, patience=patience)
     with workers(asked.jobs, asked.dask) as found:
-        return by_gradient(problem, effort, seed=asked.seed, beside=found, tell=tell)
+        return excitation.by_gradient(problem, effort, seed=asked.seed, beside=found, tell=tell)
 
 
 def _each(values: Sequence[float], joints: int, where: str) -> Array:

@@ -1,132 +1,20 @@
-"""`dynid fit`: the whole job on logs at hand, to models and a report; `dynid export`."""
+"""`dynid fit`: the whole job on logs at hand, to models and a report."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from dynid.core import DynidError, Finding, InputError, Progress, make_folder, silent, told
+from dynid import recording
+from dynid.core import DynidError, InputError, Progress, make_folder, silent
 from dynid.export import ExportedFile, write_model
-from dynid.identification import Estimate, EstimateLike, open_estimate, write_estimate
-from dynid.recording import (
-    ExperimentRecord,
-    RecordLike,
-    as_list,
-    checked_records,
-    open_record,
-    write_record,
-)
+from dynid.identification import write_estimate
 from dynid.robot import RobotLike, load_robot
 from dynid.settings import IdentifySettings
 from dynid.workflow.identify import Identification, identify
 from dynid.workflow.recordings import known_gains, of_robot
 from dynid.workflow.reporting import report
 from dynid.workflow.validating import Verdict, verdict
-
-ENDINGS = {
-    "urdf": (".urdf", ".xml"),
-    "mjcf": (".xml", ".mjcf"),
-    "json": (".json",),
-    "c": (".h", ".hpp", ".c"),
-    "python": (".py",),
-}
-"""What files of each format are called."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Export:
-    """A written model and what must be known about it."""
-
-    to: str
-    """The format."""
-    written: ExportedFile
-    warnings: tuple[Finding, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        """The object that `--json` prints."""
-        return {
-            "file": str(self.written.path),
-            "format": self.to,
-            "verified": self.written.verified.to_json(),
-            "physical": self.written.model.physical,
-            "standard_parameters": self.written.model.origin,
-            "left_out": list(self.written.left_out),
-            **told(self.warnings),
-        }
-
-
-def check_suffix(to: str, output: Path) -> None:
-    """Refuse a name that belongs to another format, such as C in `arm.urdf`.
-
-    An ending that belongs to no format is left to the user.
-
-    Raises:
-        InputError: The name ends as those of another format do.
-    """
-    suffix, own = output.suffix.lower(), ENDINGS.get(to, ())
-    if own and suffix not in own and any(suffix in others for others in ENDINGS.values()):
-        raise InputError(
-            f"the name is of another format than {to}",
-            where="-o",
-            value=str(output),
-            limit=", ".join(f"*{ending}" for ending in own),
-        )
-
-
-def export_file(
-    estimate: EstimateLike, to: str, output: str | Path, *, at_degC: float | None = None
-) -> Export:
-    """Write the model of an estimate as `urdf`, `mjcf`, `json`, `c` or `python`, and load it.
-
-    All joints are at a temperature [degC] where the file holds temperature laws.
-
-    Raises:
-        InputError: An estimate that cannot be read, an unknown format, or a file that cannot be
-            written.
-        JobError: A model that the format cannot hold, or torques that differ after loading.
-    """
-    known = open_estimate(estimate, at_degC)
-    made = known.provenance
-    note = (
-        f"dynid {made.versions.get('dynid', '')}, estimator {known.estimator}, "
-        f"{known.samples} samples, identified {made.created}."
-    )
-    if any(known.model.friction.presliding):
-        note += "\nIts presliding needs the past: friction here is that of joints that slide."
-    written = write_model(known, Path(output), to, note)
-    return Export(to=to, written=written, warnings=_warnings(to, written, known))
-
-
-def _warnings(to: str, written: ExportedFile, known: Estimate) -> tuple[Finding, ...]:
-    model, friction, noise = written.model, written.friction, known.noise
-    found = [finding for finding in known.warnings if finding.code == "not_physical"]
-    if not model.physical:
-        found.append(
-            Finding(
-                "not_physical",
-                "no physically consistent links have the identified base parameters"
-                f" ({model.worst}): torques are right, but single masses and inertias have no"
-                " meaning, and simulators may refuse them; use --estimator sdp",
-            )
-        )
-    if friction is not None and (friction.missing > noise).any():
-        joints = ", ".join(
-            f"{j + 1} ({friction.missing[j]:.2g} against {noise[j]:.2g})"
-            for j in np.flatnonzero(friction.missing > noise)
-        )
-        found.append(
-            Finding(
-                "extrapolated",
-                f"{to} cannot represent all identified friction; damping and dry friction"
-                " approximate it over the recorded range. The residual exceeds the noise of the"
-                f" identification at joints {joints}, RMS in N.m or N; c, python and json represent"
-                " all of it",
-            )
-        )
-    return tuple(found)
-
 
 MODELS = {"urdf": "model.urdf", "mjcf": "model.xml", "c": "model.h"}
 """The models that are written, by format."""
@@ -149,7 +37,7 @@ class LogFit:
     """The logs as recordings of dynid; the last one is the validation log, where there is one."""
     estimate: Path
     """Its file."""
-    models: tuple[Export, ...]
+    models: tuple[ExportedFile, ...]
     """The written models."""
     not_exported: tuple[tuple[str, str], ...]
     """Formats that cannot represent this model, each with the reason."""
@@ -172,10 +60,10 @@ class LogFit:
 
 def fit(
     robot: RobotLike,
-    logs: RecordLike | Sequence[RecordLike],
+    logs: recording.RecordLike | Sequence[recording.RecordLike],
     output: str | Path,
     *,
-    validation: RecordLike | None = None,
+    validation: recording.RecordLike | None = None,
     gains: Sequence[float] | None = None,
     settings: IdentifySettings | None = None,
     progress: Progress | None = None,
@@ -199,40 +87,40 @@ def fit(
         JobError: A singular problem, or a full disk.
     """
     tell = progress or silent
-    given = as_list(logs)
+    given = recording.as_list(logs)
     if not given:
         raise InputError("needs at least one log")
     model = load_robot(robot)
     folder = _folder(output)
-    records: list[ExperimentRecord] = []
+    records: list[recording.ExperimentRecord] = []
     sources: list[str] = []
     paths: list[Path] = []
     others = [] if validation is None else [validation]
     for k, log in enumerate([*given, *others]):
         kind = "validation" if k >= len(given) else f"log{k + 1}" if len(given) > 1 else "log"
-        name = "" if isinstance(log, ExperimentRecord) else Path(log).stem
+        name = "" if isinstance(log, recording.ExperimentRecord) else Path(log).stem
         tell(f"read {name or kind}", 0.1 * k / (len(given) + 1))
-        record, source = known_gains(open_record(log, model, gains), model)
+        record, source = known_gains(recording.open_record(log, model, gains), model)
         records.append(record)
         sources.append("given" if gains is not None and source == "recording" else source)
         paths.append(folder / f"{f'{kind}_{name}' if name else kind}.parquet")
     other = None if validation is None else records[-1]
     result = identify(
-        checked_records(records[: len(given)]),
+        recording.checked_records(records[: len(given)]),
         model,
         settings,
         validation=other,
         progress=lambda what, share: tell(what, 0.1 + 0.6 * share),
     )
     for record, path in zip(records, paths, strict=True):
-        write_record(of_robot(record, robot), path)
+        recording.write_record(of_robot(record, robot), path)
     write_estimate(result.estimate, folder / ESTIMATE)
-    exports: list[Export] = []
+    exports: list[ExportedFile] = []
     failed: list[tuple[str, str]] = []
     for k, (to, name) in enumerate(MODELS.items()):
         tell(f"write {name}", 0.7 + 0.05 * k)
         try:
-            exports.append(export_file(folder / ESTIMATE, to, folder / name))
+            exports.append(write_model(result.estimate, folder / name, to))
         except DynidError as error:
             failed.append((to, str(error)))
     page, _ = report(

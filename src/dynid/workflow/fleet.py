@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
+from dynid import identification
 from dynid.core import (
     Finding,
     InputError,
@@ -24,17 +25,6 @@ from dynid.core import (
     told,
     workers,
     write_text,
-)
-from dynid.identification import (
-    CONFIDENCE,
-    LEAST_RECORDINGS,
-    JointState,
-    friction_names,
-    judge,
-    repeated_motions,
-    shared_names,
-    solve_robot,
-    trend,
 )
 from dynid.recording import is_url
 from dynid.report import write_fleet_page
@@ -61,7 +51,7 @@ class Fleet:
     """All recordings that were used."""
     skipped: tuple[tuple[str, str], ...]
     """Recordings that were not used, each with the reason."""
-    joints: tuple[JointState, ...]
+    joints: tuple[identification.JointState, ...]
     """State and trend of each joint of each robot."""
     tests: int
     """Trends that were tested together."""
@@ -74,7 +64,7 @@ class Fleet:
         return sum(one.computed for one in self.recordings)
 
     @property
-    def alarms(self) -> tuple[JointState, ...]:
+    def alarms(self) -> tuple[identification.JointState, ...]:
         """The joints with an alarm."""
         return tuple(joint for joint in self.joints if joint.alarm)
 
@@ -170,7 +160,7 @@ def fleet(
         by_robot = dict(each(_robot, tasks, beside, tell=progress, words="robots"))
     joints = [joint for k in sorted(by_robot) for joint in by_robot[k][0]]
     rows = [row for k in sorted(by_robot) for row in by_robot[k][1]]
-    judged, tests = judge(joints, asked.false_alarms)
+    judged, tests = identification.judge(joints, asked.false_alarms)
     result = Fleet(
         folder=folder,
         output=target,
@@ -217,12 +207,18 @@ def _missing(recordings: Sequence[FleetRecording]) -> list[Finding]:
     ]
     dated = [one for one in recordings if not np.isnan(one.time_s)]
     known = {name: len(group) for name, group in _by_robot(dated).items()}
-    few = sorted({one.robot for one in recordings if known.get(one.robot, 0) < LEAST_RECORDINGS})
+    few = sorted(
+        {
+            one.robot
+            for one in recordings
+            if known.get(one.robot, 0) < identification.LEAST_RECORDINGS
+        }
+    )
     if few:
         text = (
-            f"{len(few)} robots have fewer than {LEAST_RECORDINGS} recordings with a time, and no "
+            f"{len(few)} robots have fewer than {identification.LEAST_RECORDINGS} recordings with "
+            f"a time, and no trends: {', '.join(few[:3])}"
         )
-        text += f"trends: {', '.join(few[:3])}"
         found.append(Finding("not_diagnosed", text, value=float(len(few))))
     return found
 
@@ -230,17 +226,17 @@ def _missing(recordings: Sequence[FleetRecording]) -> list[Finding]:
 @threadpool_limits.wrap(limits=1, user_api="blas")  # pyright: ignore[reportUnknownMemberType]
 def _robot(
     task: tuple[str, Sequence[FleetRecording], FleetSettings, int],
-) -> tuple[list[JointState], list[dict[str, Any]]]:
+) -> tuple[list[identification.JointState], list[dict[str, Any]]]:
     """The joints of one robot, not yet judged, and its rows of the table; runs in a worker."""
     robot, group, asked, permutations = task
     base = base_of(group[0].model, asked.terms, group[0].mount)
     model = base.model.robot
-    states = solve_robot([one.statistics for one in group])
+    states = identification.solve_robot([one.statistics for one in group])
     time_s = np.array([one.time_s for one in group])
     warm = np.array([one.temperature_degC for one in group])
     speeds = np.array([one.statistics.speed for one in group])
-    speed, motion = np.median(speeds, axis=0), repeated_motions(speeds)
-    names = friction_names(base)
+    speed, motion = np.median(speeds, axis=0), identification.repeated_motions(speeds)
+    names = identification.friction_names(base)
     weights = np.zeros(states.friction.shape[1:])
     for j, own in enumerate(names):
         for f, name in enumerate(own):
@@ -252,10 +248,10 @@ def _robot(
     rows: list[dict[str, Any]] = [
         {**facts, **none, "joint": 0, "name": name, "value": float(value), "std": float(std)}
         for name, value, std in zip(
-            shared_names(base), states.shared, states.shared_std, strict=True
+            identification.shared_names(base), states.shared, states.shared_std, strict=True
         )
     ]
-    joints: list[JointState] = []
+    joints: list[identification.JointState] = []
     for j, name in enumerate(model.joint_names):
         known = np.isfinite(warm[:, j])
         dated = np.isfinite(time_s) & (known | ~known.any())
@@ -263,7 +259,7 @@ def _robot(
         if reference is None:
             reference = float(np.median(warm[known, j])) if known.any() else float("nan")
         found = [
-            trend(
+            identification.trend(
                 time_s[dated],
                 value[dated],
                 std[dated],
@@ -280,7 +276,7 @@ def _robot(
         ]
         friction, control = (*found, None, None)[:2]
         joints.append(
-            JointState(
+            identification.JointState(
                 robot=robot,
                 joint=j,
                 name=name,
@@ -319,7 +315,7 @@ def _robot(
     return joints, rows
 
 
-def _alarm(joint: JointState) -> Finding:
+def _alarm(joint: identification.JointState) -> Finding:
     """An alarm as a finding."""
     step, low, high = joint.change_percent
     friction, control = joint.friction, joint.control
@@ -331,7 +327,7 @@ def _alarm(joint: JointState) -> Finding:
             f"p {joint.friction_p:.2g}; the inertias did not",
             joints=(joint.joint,),
             value=step,
-            std=(high - low) / (2 * CONFIDENCE),
+            std=(high - low) / (2 * identification.CONFIDENCE),
             unit="%",
             next_step="Check gear, brake and lubrication of this joint",
         )
@@ -385,7 +381,7 @@ def _iso_time(time_s: float) -> str | None:
     return found and found.isoformat(timespec="seconds")
 
 
-def _joint_row(joint: JointState) -> dict[str, Any]:
+def _joint_row(joint: identification.JointState) -> dict[str, Any]:
     """The state of a joint: a row of the CSV, an object of the JSON."""
     step, low, high = joint.change_percent
     one, control = joint.friction, joint.control
@@ -427,7 +423,9 @@ def _write_table(target: Path, rows: Sequence[Mapping[str, Any]]) -> None:
         parquet.write_table(table, draft, compression="zstd")
 
 
-def _write_state(folder: Path, *, joints: Sequence[JointState], recordings: int) -> None:
+def _write_state(
+    folder: Path, *, joints: Sequence[identification.JointState], recordings: int
+) -> None:
     """Write the state of each joint as CSV, and for Prometheus with the count of recordings."""
     state = [_joint_row(joint) for joint in joints]
     text = io.StringIO()

@@ -14,20 +14,10 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core import Finding, InputError, Progress, Workers, told
+from dynid import recording
+from dynid.core import Finding, InputError, Progress, Workers, plain, told
 from dynid.diagnosis import diagnose
 from dynid.identification import Estimate
-from dynid.recording import (
-    LONG,
-    AnyRecording,
-    AnyRecordLike,
-    ExperimentRecord,
-    RecordLike,
-    as_list,
-    fingerprint,
-    open_any,
-    open_record,
-)
 from dynid.robot import RobotLike, RobotModel, load_robot
 from dynid.settings import IdentifySettings
 from dynid.trajectory import JointMotion
@@ -78,14 +68,15 @@ class Accuracy:
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
-        values = {
-            "expected_percent": self.expected_percent,
-            "found_percent": self.found_percent,
-            "found_bound_percent": self.bound_percent,
-            "noise_percent": self.noise_percent,
-        }
-        known = {name: x if math.isfinite(x) else None for name, x in values.items()}
-        return {**known, "left_out": self.left_out}
+        return plain(
+            {
+                "expected_percent": self.expected_percent,
+                "found_percent": self.found_percent,
+                "found_bound_percent": self.bound_percent,
+                "noise_percent": self.noise_percent,
+                "left_out": self.left_out,
+            }
+        )
 
     def describe(self) -> str:
         """One sentence."""
@@ -98,7 +89,7 @@ class Accuracy:
 
 def accuracy(
     estimate: Estimate,
-    records: Sequence[AnyRecording],
+    records: Sequence[recording.AnyRecording],
     motions: Sequence[JointMotion] = (),
 ) -> Accuracy | None:
     """Expected beside found, by an estimate from all of the records; None where not assessed.
@@ -159,34 +150,20 @@ class Identification:
         estimate = self.estimate
         return {
             "robot": estimate.model.robot.name,
-            "standard_parameters": len(estimate.model.columns),
-            "base_parameters": len(estimate.values),
-            "condition_number": estimate.condition_number,
-            "scaled_condition_number": estimate.scaled_condition_number,
-            "motion_condition_number": estimate.motion_condition_number,
-            "samples": estimate.samples,
-            "estimator": estimate.estimator,
-            "preset": estimate.preset,
-            "choices": list(estimate.choices),
-            "settings": estimate.settings.to_json(),
-            "friction": estimate.model.friction.to_json(),
-            "frames": estimate.model.frames,
-            "parameters": estimate.parameter_table(),
+            **estimate.summary(),
             "training": self.training.to_json(),
             "validation": self.validation and self.validation.to_json(),
             **told(self.warnings),
             "accuracy": self.accuracy and self.accuracy.to_json(),
-            **({} if estimate.standard is None else {"standard": estimate.standard_table()}),
-            **({"assessment": estimate.assessment.to_json()} if estimate.assessment else {}),
         }
 
 
 def identify(
-    records: AnyRecordLike | Sequence[AnyRecordLike],
+    records: recording.AnyRecordLike | Sequence[recording.AnyRecordLike],
     robot: RobotLike,
     settings: IdentifySettings | None = None,
     *,
-    validation: RecordLike | None = None,
+    validation: recording.RecordLike | None = None,
     validation_start_s: float | None = None,
     validation_stop_s: float | None = None,
     partial: str | Path | None = None,
@@ -218,14 +195,16 @@ def identify(
     settings = settings or IdentifySettings()
     robot = load_robot(robot, mount=settings.mount)
     # The same result whatever the order of the files.
-    several = sorted(open_any(as_list(records), robot), key=fingerprint)
-    other = None if validation is None else open_record(validation, robot)
+    several = sorted(
+        recording.open_any(recording.as_list(records), robot), key=recording.fingerprint
+    )
+    other = None if validation is None else recording.open_record(validation, robot)
     if not several:
         raise InputError("needs at least one record")
-    held = [record for record in several if isinstance(record, ExperimentRecord)]
+    held = [record for record in several if isinstance(record, recording.ExperimentRecord)]
     # Matrices of sixty columns: a second BLAS thread spins more than it helps.
     with threadpool_limits(limits=1, user_api="blas"):
-        if len(held) < len(several) or sum(record.samples for record in held) > LONG:
+        if len(held) < len(several) or sum(record.samples for record in held) > recording.LONG:
             keep = None if partial is None else Path(partial)
             fitted = fit_long(
                 several, robot, settings, partial=keep, beside=beside, progress=progress
@@ -257,7 +236,7 @@ def identify(
 
 
 def fit_records(
-    records: Sequence[ExperimentRecord],
+    records: Sequence[recording.ExperimentRecord],
     robot: RobotModel,
     settings: IdentifySettings,
     progress: Progress | None = None,
@@ -266,8 +245,8 @@ def fit_records(
     require_cutoff(min(record.rate_hz for record in records), settings.cutoff_hz)
     for record in records:
         require_torques([record], robot)
-    found = prepare(records, robot, settings, asked_processing(records, settings), progress)
-    estimate = found.fit(records, settings.preset, made_from(records, settings))
+    processing, made = asked_processing(records, settings), made_from(records, settings)
+    estimate = prepare(records, robot, settings, processing, made, progress).fit()
     training = reproduce(estimate, records[0], start_s=settings.start_s, stop_s=settings.stop_s)
     return Looked(
         estimate=estimate, training=training, records=tuple(records), window=estimate.settings
@@ -279,7 +258,7 @@ def gains_nothing(estimate: Estimate) -> tuple[Finding, ...]:
     told_by = estimate.assessment
     if told_by is None or told_by.pays is not False:
         return ()
-    errors = {model.name: float(np.linalg.norm(model.rms)) for model in told_by.models}
+    errors = {name: float(np.linalg.norm(rms)) for name, rms in told_by.models.items()}
     fitted, identified = errors["published_friction"], errors["identified"]
     return (
         Finding(

@@ -9,18 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from dynid import identification
 from dynid.core import InputError, Progress, Workers, each, read_arrays, silent, write_arrays
-from dynid.identification import (
-    Estimate,
-    PanelRows,
-    PassPlan,
-    PhysicallyConsistent,
-    RowSums,
-    no_sums,
-    plan_pass,
-    sum_rows,
-    sums_from,
-)
 from dynid.recording import AnyRecording, ExperimentRecord, checked_records, fingerprint
 from dynid.robot import RobotModel
 from dynid.settings import IdentifySettings
@@ -58,22 +48,11 @@ CHOOSING_SHARE = 0.3
 class Looked:
     """An estimate, and the recordings that are looked at for faults."""
 
-    estimate: Estimate
+    estimate: identification.Estimate
     training: ValidationResult
     records: tuple[ExperimentRecord, ...]
     window: ProcessingSettings
     """Which window of these recordings."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Subset:
-    """A part of long recordings that stands for all."""
-
-    pieces: tuple[ExperimentRecord, ...]
-    sources: tuple[int, ...]
-    """Which recording each piece is of."""
-    stretch: ExperimentRecord
-    """A longer one, about the piece in which the arm moves most."""
 
 
 def fit_long(
@@ -99,26 +78,27 @@ def fit_long(
     window = ProcessingSettings(start_s=settings.start_s, stop_s=settings.stop_s)
     grids = [survey(recording, window) for recording in recordings]
     require_cutoff(min(grid.rate_hz for grid in grids), settings.cutoff_hz)
-    part = _subset(recordings, grids)
-    for source in dict.fromkeys(part.sources):
-        own = (piece for piece, k in zip(part.pieces, part.sources, strict=True) if k == source)
+    pieces, origins, stretch = _subset(recordings, grids)
+    for source in dict.fromkeys(origins):
+        own = (piece for piece, k in zip(pieces, origins, strict=True) if k == source)
         require_torques(list(own), robot)
-    looked_at = checked_records([part.stretch])[0]
+    looked_at = checked_records([stretch])[0]
     processing = ProcessingSettings(cutoff_hz=settings.cutoff_hz, decimate=True)
     if settings.preset != "best" and settings.cutoff_hz is None:
         # One for all, which suits the fastest piece.
-        signals = [uniform_signals(piece, robot, processing) for piece in part.pieces]
+        signals = [uniform_signals(piece, robot, processing) for piece in pieces]
         cutoff = max(default_cutoff(found.q, found.rate_hz) for found in signals)
         processing = replace(processing, cutoff_hz=cutoff)
     found = prepare(
-        part.pieces,
+        pieces,
         robot,
         settings,
         processing,
+        made_from(recordings, settings),
         lambda what, share: tell(what, CHOOSING_SHARE * share),
     )
     estimator = found.estimator
-    if isinstance(estimator, PhysicallyConsistent):
+    if isinstance(estimator, identification.PhysicallyConsistent):
         estimator = replace(estimator, by_regions=False)
         found = replace(found, estimator=estimator)
     if not estimator.by_factors:
@@ -129,7 +109,7 @@ def fit_long(
             next_step="Take ols, wls, tls or sdp, or a window with --from and --to.",
         )
     settled = replace(
-        found.processing,
+        found.source.settings,
         cutoff_hz=found.samples.cutoff_hz,
         start_s=settings.start_s,
         stop_s=settings.stop_s,
@@ -141,9 +121,9 @@ def fit_long(
     rows = sum(_rows(signals) for signals in everything)
     sources = None
     if len(recordings) > 1:
-        groups = [_left_out_with(k, len(recordings)) for k in part.sources]
+        groups = [_left_out_with(k, len(recordings)) for k in origins]
         sources = np.repeat(np.array(groups, dtype=np.intp), found.lengths)
-    planned = plan_pass(found.model, found.samples, estimator, rows, sources)
+    planned = identification.plan_pass(found.model, found.samples, estimator, rows, sources)
     sums = _run_pass(
         everything,
         planned.plan,
@@ -152,18 +132,12 @@ def fit_long(
         tell=lambda what, share: tell(what, CHOOSING_SHARE + (1 - CHOOSING_SHARE) * share),
     )
     method = "factors" if planned.plan.factors else "products"
-    duration = np.median([piece.duration_s for piece in part.pieces])
+    duration = np.median([piece.duration_s for piece in pieces])
     words = (
-        f"long recordings: choices from {len(part.pieces)} stretches of {duration:.3g} s, fit of "
+        f"long recordings: choices from {len(pieces)} stretches of {duration:.3g} s, fit of "
         f"all {rows} rows by {method}"
     )
-    estimate = found.fit(
-        part.pieces,
-        settings.preset,
-        made_from(recordings, settings),
-        replace(planned, sums=sums),
-        (words,),
-    )
+    estimate = found.fit(replace(planned, sums=sums), (words,))
     return Looked(
         estimate=replace(estimate, settings=settled),
         training=reproduce(estimate, looked_at),
@@ -172,8 +146,14 @@ def fit_long(
     )
 
 
-def _subset(recordings: Sequence[AnyRecording], grids: Sequence[StreamGrid]) -> _Subset:
-    """Stretches spread evenly over the windows of the recordings, where the arm moves most."""
+def _subset(
+    recordings: Sequence[AnyRecording], grids: Sequence[StreamGrid]
+) -> tuple[list[ExperimentRecord], list[int], ExperimentRecord]:
+    """Pieces spread evenly over the windows of the recordings, where the arm moves most.
+
+    With the number of the recording that each is of, and a longer stretch about the piece in which
+    the arm moves most.
+    """
     counts = np.array([grid.last_row - grid.first_row for grid in grids])
     ends = np.cumsum(counts)
     number = int(np.clip(len(recordings), FEWEST_PIECES, MOST_PIECES))
@@ -196,11 +176,8 @@ def _subset(recordings: Sequence[AnyRecording], grids: Sequence[StreamGrid]) -> 
     grid, half = grids[source], LOOKED_AT_ROWS // 2
     middle = min(max((first + last) // 2, grid.first_row + half), grid.last_row - half)
     begin, end = max(middle - half, grid.first_row), min(middle + half, grid.last_row)
-    return _Subset(
-        pieces=tuple(rows_of(recordings[k], a, b) for _, k, a, b in best),
-        sources=tuple(k for _, k, _, _ in best),
-        stretch=rows_of(recordings[source], begin, end),
-    )
+    pieces = [rows_of(recordings[k], a, b) for _, k, a, b in best]
+    return pieces, [k for _, k, _, _ in best], rows_of(recordings[source], begin, end)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -208,7 +185,7 @@ class _PassPart:
     """Some samples of one recording, for a worker."""
 
     signals: LongSignals
-    plan: PassPlan
+    plan: identification.PassPlan
     first: int
     last: int
     rows_before: int
@@ -217,34 +194,34 @@ class _PassPart:
     left_out_with: int
 
 
-def _sum_part(part: _PassPart) -> RowSums:
+def _sum_part(part: _PassPart) -> identification.RowSums:
     """The sums of a part, in any process."""
     signals, passed = part.signals, part.signals.settings.torque_filter
     reach = 0 if passed is None else passed.reach(signals.grid.rate_hz)
     wide = max(part.first - reach, 0)
     samples = signals.samples(wide, min(part.last + reach, signals.count))
     inner = slice(part.first - wide, part.last - wide)
-    panels = PanelRows(part.plan.base)
-    return sum_rows(
+    panels = identification.PanelRows(part.plan.base)
+    return identification.sum_rows(
         panels, part.plan, samples, inner, part.rows_before, part.rows, part.left_out_with
     )
 
 
 def _run_pass(
     everything: Sequence[LongSignals],
-    plan: PassPlan,
+    plan: identification.PassPlan,
     *,
     beside: Workers,
     partial: Path | None,
     tell: Progress,
-) -> RowSums:
+) -> identification.RowSums:
     """Sum all rows, from where the interrupted pass of the file `partial` stopped."""
     parts = list(_parts(everything, plan))
-    sums = no_sums(everything[0].robot.joints, plan.base.rank)
+    sums = identification.no_sums(everything[0].robot.joints, plan.base.rank)
     done, key = 0, _key(parts)
     if partial is not None:
         done, sums = _kept(partial, key, sums)
-    waiting: dict[int, RowSums] = {}
+    waiting: dict[int, identification.RowSums] = {}
     saved = time.monotonic()
     offset, todo = done, parts[done:]
     for number, found in each(_sum_part, todo, beside):
@@ -270,7 +247,7 @@ def _rows(signals: LongSignals) -> int:
     return (signals.used.stop - signals.used.start) // signals.block
 
 
-def _parts(everything: Sequence[LongSignals], plan: PassPlan) -> Iterator[_PassPart]:
+def _parts(everything: Sequence[LongSignals], plan: identification.PassPlan) -> Iterator[_PassPart]:
     rows = sum(_rows(signals) for signals in everything)
     before = 0
     for recording, signals in enumerate(everything):
@@ -304,9 +281,11 @@ def _key(parts: Sequence[_PassPart]) -> str:
     return digest.hexdigest()
 
 
-def _kept(path: Path, key: str, nothing: RowSums) -> tuple[int, RowSums]:
+def _kept(
+    path: Path, key: str, nothing: identification.RowSums
+) -> tuple[int, identification.RowSums]:
     """Parts done and their sums; none where the file is another pass's, or damaged."""
     arrays = read_arrays(path)
     if str(arrays.pop("key", "")) != key:
         return 0, nothing
-    return int(arrays.pop("done")), sums_from(arrays)
+    return int(arrays.pop("done")), identification.sums_from(arrays)

@@ -7,15 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from dynid import recording
 from dynid.core import InputError, JobError, require_absent, told
-from dynid.recording import (
-    ExperimentRecord,
-    open_record,
-    open_several,
-    read_recording,
-    remembered_robot,
-    write_record,
-)
 from dynid.robot import RobotLike, RobotModel, builtin_names, load_robot
 from dynid.settings import ImportOptions
 from dynid.workflow.shared_inertias import TARGETS, identify_gains
@@ -36,12 +29,14 @@ def robot_reference(robot: RobotLike) -> str:
     return str(Path(text).expanduser().resolve())
 
 
-def of_robot(record: ExperimentRecord, robot: RobotLike) -> ExperimentRecord:
+def of_robot(record: recording.ExperimentRecord, robot: RobotLike) -> recording.ExperimentRecord:
     """The recording, which remembers its robot so that its file is found again."""
     return replace(record, metadata=replace(record.metadata, robot=robot_reference(robot)))
 
 
-def known_gains(record: ExperimentRecord, robot: RobotModel) -> tuple[ExperimentRecord, str]:
+def known_gains(
+    record: recording.ExperimentRecord, robot: RobotModel
+) -> tuple[recording.ExperimentRecord, str]:
     """The recording with the drive gains that its torque needs, and where they come from.
 
     Where neither the recording nor the robot has gains, they are found in the recording itself:
@@ -74,14 +69,14 @@ def known_gains(record: ExperimentRecord, robot: RobotModel) -> tuple[Experiment
             value=", ".join(missing),
             next_step="Pass --gains g1,..,gn, or record a motion that loads every joint.",
         )
-    return open_record(record, robot, found.gain.tolist()), "targets"
+    return recording.open_record(record, robot, found.gain.tolist()), "targets"
 
 
 def open_records(
     paths: Sequence[str | Path],
     robot: str | Path | None = None,
     gains: Sequence[float] | None = None,
-) -> tuple[list[ExperimentRecord], RobotModel]:
+) -> tuple[list[recording.ExperimentRecord], RobotModel]:
     """Recordings of one robot, and the robot, None for what they say.
 
     `gains` (n) [N.m/A] override those of the recordings and of the robot.
@@ -90,7 +85,7 @@ def open_records(
         InputError: No recordings, a robot that is not known, or recordings that do not fit it.
     """
     model = robot_of(paths, robot)
-    return open_several(paths, model, gains), model
+    return recording.open_several(paths, model, gains), model
 
 
 def robot_of(paths: Sequence[str | Path], robot: RobotLike | None = None) -> RobotModel:
@@ -113,7 +108,7 @@ def stored_robot(paths: Sequence[str | Path]) -> tuple[str, str | None]:
     """
     if not paths:
         raise InputError("needs at least one recording")
-    names, mounts = zip(*map(remembered_robot, paths), strict=True)
+    names, mounts = zip(*map(recording.remembered_robot, paths), strict=True)
     # Logs of other programs say no mounting.
     mounts = tuple(mount for mount in mounts if mount is not None)
     for what, found in (("robots", names), ("mountings", mounts)):
@@ -141,7 +136,7 @@ def stored_robot(paths: Sequence[str | Path]) -> tuple[str, str | None]:
 class Imported:
     """A recording, and the file it was written to."""
 
-    record: ExperimentRecord
+    record: recording.ExperimentRecord
     """The recording, repaired."""
     path: Path
     """Its file."""
@@ -197,14 +192,14 @@ def import_recording(
     require_absent(Path(output), force=force)
     model = None if robot is None else load_robot(robot)
     how = asdict(options or ImportOptions())
-    record = read_recording(files, robot=model, **how)
+    record = recording.read_recording(files, robot=model, **how)
     if robot is not None:
         record = of_robot(record, robot)
-    write_record(record, output, force=force)
+    recording.write_record(record, output, force=force)
     return Imported(record=record, path=Path(output), needs=tuple(_needs(record, model)))
 
 
-def _needs(record: ExperimentRecord, robot: RobotModel | None) -> Iterator[str]:
+def _needs(record: recording.ExperimentRecord, robot: RobotModel | None) -> Iterator[str]:
     """What identification would refuse a recording for."""
     if record.metadata.robot is None:
         yield f"the recording does not say which robot it is of. {_NEXT}"

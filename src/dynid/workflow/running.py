@@ -372,6 +372,11 @@ def _execute(
     progress: Progress | None,
 ) -> Run:
     opened: list[RecordWriter] = []
+    # What the design promises for as many periods as it has.
+    promised, promise = loaded.facts.get(PROMISED), dict[str, str]()
+    if isinstance(promised, float):
+        share = math.sqrt(loaded.facts.get("repetitions", 1) / plan.periods)
+        promise[PROMISED] = repr(promised * share)
 
     def open_recorder() -> RecordWriter:
         source = driver.source
@@ -391,7 +396,7 @@ def _execute(
                 "method": asked.method,
                 "settled": str(plan.settle),
                 "warm_up_s": repr(asked.warm_up_s),
-                **_promise(loaded, plan.periods),
+                **promise,
             },
         )
         opened.append(
@@ -438,12 +443,3 @@ def _mark_aborted(path: Path, abort: drivers.Abort) -> None:
             record = replace(record, problems=(*record.problems, said))
         extra = {**record.metadata.extra, "aborted": abort.message, "abort": abort.code}
         write_record(replace(record, metadata=replace(record.metadata, extra=extra)), path)
-
-
-def _promise(loaded: StoredDesign, periods: int) -> dict[str, str]:
-    """What the design promises for so many periods, where it does."""
-    facts = loaded.facts
-    value = facts.get(PROMISED)
-    if not isinstance(value, float):
-        return {}
-    return {PROMISED: repr(value * math.sqrt(facts.get("repetitions", 1) / periods))}

@@ -12,26 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
+from dynid import identification
 from dynid.core import Array, Finding, InputError, Progress, frozen, told
-from dynid.identification import (
-    LARGEST_STD,
-    PRIOR_GAIN,
-    WIDTH,
-    DriveGains,
-    Estimate,
-    IdentificationProblem,
-    Payload,
-    SharedFit,
-    SharedProblem,
-    WeighedGains,
-    WeightedLeastSquares,
-    drive_gains,
-    fit_shared,
-    payload_of,
-    shared_estimates,
-    weighed_gains,
-    with_load,
-)
 from dynid.recording import ExperimentRecord, RecordLike, identity, open_record, open_several
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel, LoadFriction
@@ -45,12 +27,12 @@ from dynid.workflow.choosing import asked_processing, choose, made_from
 class SharedIdentification:
     """Estimates of several records with the same inertias in all of them."""
 
-    estimates: tuple[Estimate, ...]
+    estimates: tuple[identification.Estimate, ...]
     """One a record: the shared inertias and the record's own friction. Each validates, compares
     and exports as any other."""
-    problem: SharedProblem
+    problem: identification.SharedProblem
     """The recordings as one problem."""
-    fit: SharedFit
+    fit: identification.SharedFit
     """Its least squares solution."""
 
     @property
@@ -124,24 +106,29 @@ def identify_shared(
             processing, friction = replace(choice.settings, period_s=None), choice.friction
         model = InverseDynamicModel(robot=robot, frames=settings.frames, friction=friction)
         samples = [process(record, robot, processing) for record in several]
-        problem = SharedProblem(problems=tuple(problem_of(model, one) for one in samples))
-        fit = fit_shared(problem)
-        estimates = shared_estimates(
-            problem,
-            fit,
+        problem = identification.SharedProblem(
+            problems=tuple(problem_of(model, one) for one in samples)
+        )
+        fit = identification.fit_shared(problem)
+        source = identification.EstimateSource(
             records=several,
             settings=processing,
             preset=settings.preset,
             choices=words,
             made=made_from(several, settings),
         )
+        estimates = identification.shared_estimates(problem, fit, source)
     return SharedIdentification(estimates=estimates, problem=problem, fit=fit)
 
 
-def problem_of(model: InverseDynamicModel, samples: Samples) -> IdentificationProblem:
+def problem_of(
+    model: InverseDynamicModel, samples: Samples
+) -> identification.IdentificationProblem:
     """One record's part of a shared problem: its load friction as its own samples show it."""
-    found = with_load(model, samples, WeightedLeastSquares(prior_gain=PRIOR_GAIN))
-    return IdentificationProblem(base=reduce_model(found), samples=samples)
+    found = identification.with_load(
+        model, samples, identification.WeightedLeastSquares(prior_gain=identification.PRIOR_GAIN)
+    )
+    return identification.IdentificationProblem(base=reduce_model(found), samples=samples)
 
 
 SMOOTHING_VELOCITY = 0.01
@@ -153,20 +140,18 @@ def identify_payload(
     loaded: RecordLike | Sequence[RecordLike],
     robot: RobotLike,
     *,
-    friction: FrictionTerms | None = None,
     cutoff_hz: float | None = None,
-) -> Payload:
+) -> identification.Payload:
     """The payload that the loaded runs carry and the unloaded ones do not.
 
-    Best with one motion for both: what the model gets wrong then cancels. Friction is each
-    record's own, as gears warm up between runs.
+    Best with one motion for both: what the model gets wrong then cancels. Friction (Coulomb,
+    viscous, and that which grows with the load) is each record's own, as gears warm up between
+    runs.
 
     Args:
         unloaded: Recordings without the payload, or their files.
         loaded: Recordings with it.
         robot: The robot, or its name or file, as it is without the payload.
-        friction: Friction terms; the default is Coulomb, viscous, motor inertia, and friction
-            that grows with the load.
         cutoff_hz: Low-pass cut-off of the motion [Hz]; None: from the first record's spectrum.
 
     Raises:
@@ -181,14 +166,15 @@ def identify_payload(
             "a recording with the payload is one without it",
             next_step="Record the same motion again with the payload.",
         )
-    if friction is None:
-        joints = tuple(range(model.joints))
-        nothing = LoadFriction(joints=joints, parameters=(0.0,) * 10 * model.joints)
-        friction = FrictionTerms(width=SMOOTHING_VELOCITY, load=nothing)
+    joints = tuple(range(model.joints))
+    nothing = LoadFriction(joints=joints, parameters=(0.0,) * 10 * model.joints)
+    friction = FrictionTerms(width=SMOOTHING_VELOCITY, load=nothing)
     with threadpool_limits(limits=1, user_api="blas"):
         plain = InverseDynamicModel(robot=model, friction=friction)
         problem = _problem(without, carrying, plain, cutoff_hz)
-        return payload_of(problem, fit_shared(problem, one_noise=True))
+        return identification.payload_of(
+            problem, identification.fit_shared(problem, one_noise=True)
+        )
 
 
 def _problem(
@@ -196,16 +182,16 @@ def _problem(
     carrying: list[ExperimentRecord],
     model: InverseDynamicModel,
     cutoff_hz: float | None,
-) -> SharedProblem:
+) -> identification.SharedProblem:
     settings = ProcessingSettings(cutoff_hz=cutoff_hz, decimate=True)
-    problems: list[IdentificationProblem] = []
+    problems: list[identification.IdentificationProblem] = []
     for record in (*without, *carrying):
         samples = process(record, model.robot, settings)
         # One filter for all: what it takes from the motion then cancels too.
         settings = replace(settings, cutoff_hz=samples.cutoff_hz)
         problems.append(problem_of(model, samples))
     flags = (False,) * len(without) + (True,) * len(carrying)
-    return SharedProblem(problems=tuple(problems), loaded=flags)
+    return identification.SharedProblem(problems=tuple(problems), loaded=flags)
 
 
 def _several(
@@ -223,7 +209,7 @@ TARGETS = ("target_current", "target_moment")
 """Signals that drive gains are found in."""
 
 
-def identify_gains(record: RecordLike, robot: RobotLike, *, width: float = WIDTH) -> DriveGains:
+def identify_gains(record: RecordLike, robot: RobotLike) -> identification.DriveGains:
     """Drive gains from a recording of target currents and target moments.
 
     Target velocities are used where they were recorded: the controller's friction follows them,
@@ -232,7 +218,6 @@ def identify_gains(record: RecordLike, robot: RobotLike, *, width: float = WIDTH
     Args:
         record: The recording or its file.
         robot: The robot, or its name or file.
-        width: Speed over which the controller's dry friction changes sign [rad/s].
 
     Raises:
         InputError: A recording without targets or velocities, or of another number of joints.
@@ -254,13 +239,12 @@ def identify_gains(record: RecordLike, robot: RobotLike, *, width: float = WIDTH
             value=f"no {', '.join(missing)}",
             next_step="Record with dynid run, or import with --columns ...,target_current=A:B.",
         )
-    return drive_gains(
+    return identification.drive_gains(
         record.signals["target_current"],
         record.signals["target_moment"],
         velocity,
         rate_hz=record.rate_hz,
         names=model.joint_names,
-        width=width,
     )
 
 
@@ -272,7 +256,7 @@ class GainsFromPayload:
     """(n) joint torque per motor current [N.m/A], NaN where the runs do not show it."""
     std: Array
     """(n) standard deviations [N.m/A], given for all."""
-    found: WeighedGains
+    found: identification.WeighedGains
     """The fit behind them."""
     warnings: tuple[Finding, ...]
     """Joints whose gain the runs do not show."""
@@ -321,8 +305,8 @@ def identify_gains_from_payload(
         problem = _problem(without, carrying, plain, cutoff_hz)
         link = np.asarray(np.linalg.inv(model.parameter_frames[plain.frames][-1]), dtype=np.float64)
         own = model.drives.gain if (model.drives.gain > 0).all() else None
-        found = weighed_gains(problem, frame_map(link @ model.flange), known, own)
-    lost = found.std > LARGEST_STD * found.gain
+        found = identification.weighed_gains(problem, frame_map(link @ model.flange), known, own)
+    lost = found.std > identification.LARGEST_STD * found.gain
     return GainsFromPayload(
         gain=np.where(lost, np.nan, found.gain),
         std=found.std,

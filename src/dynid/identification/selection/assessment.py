@@ -1,6 +1,6 @@
 """What a fit is worth where it was not recorded: left-out errors, rival models, intervals."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,21 +32,6 @@ WEAKEST = 1e-8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ModelError:
-    """Left-out errors of one of the rival models."""
-
-    name: str
-    """`published`: inertias as given; `published_friction`: with fitted friction and motor
-    inertia; `identified`: all identified."""
-    rms: Array
-    """(n) [N.m or N]."""
-
-    def to_json(self) -> dict[str, Any]:
-        """A JSON object."""
-        return {"name": self.name, "rms": self.rms.tolist()}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Assessment:
     """What left-out parts of the recordings say about a result, on all rows."""
 
@@ -58,8 +43,10 @@ class Assessment:
     """(n) standard deviation of what no model of the motion explains [N.m or N]."""
     torque: Array
     """(n) RMS of the measured torque [N.m or N]."""
-    models: tuple[ModelError, ...]
-    """On the parts of `anywhere`."""
+    models: Mapping[str, Array]
+    """(n) left-out errors of rival models on the parts of `anywhere` [N.m or N]: `published`, the
+    inertias as given; `published_friction`, with fitted friction and motor inertia; `identified`,
+    all identified."""
     pays: bool | None
     """Whether identifying the inertias lowers the errors, by more than their standard error;
     None where none are published."""
@@ -80,7 +67,7 @@ class Assessment:
             "expected_error_percent": self.expected_error_percent,
             "noise_floor": self.noise_floor.tolist(),
             "torque_rms": self.torque.tolist(),
-            "models": [model.to_json() for model in self.models],
+            "models": [{"name": name, "rms": rms.tolist()} for name, rms in self.models.items()],
             "identification_pays": self.pays,
             "interval": self.interval.to_json(),
         }
@@ -98,7 +85,7 @@ def assessment_from_json(data: dict[str, Any]) -> Assessment:
         this_motion=array(data["left_out_rms"]["this_motion"]),
         noise_floor=array(data["noise_floor"]),
         torque=array(data["torque_rms"]),
-        models=tuple(ModelError(name=str(m["name"]), rms=array(m["rms"])) for m in data["models"]),
+        models={str(model["name"]): array(model["rms"]) for model in data["models"]},
         pays=data["identification_pays"],
         interval=TorqueInterval(**interval),
     )
@@ -120,7 +107,6 @@ def assess(
     problem: IdentificationProblem,
     fit: Fit,
     *,
-    prior_weight: float = 0.0,
     near_weights: Sequence[float] = (),
     lengths: Sequence[int] = (),
     cells: LeftOutCells | None = None,
@@ -130,8 +116,8 @@ def assess(
     Args:
         problem: The samples of all recordings, with the model that was fitted.
         fit: The fit to all of them.
-        prior_weight: See `TowardPublished`; 0 where no published inertias were used.
-        near_weights: Weights that score as well.
+        near_weights: Weights of the published inertias that score alike, the fit's last, see
+            `TowardPublished`; empty where they were not used.
         lengths: Samples of each recording, if there are several.
         cells: Products of more rows than the problem has, which then calibrates intervals only.
     """
@@ -141,7 +127,7 @@ def assess(
     count = float(blocks.rows[0].sum())
     known = published_prior(problem.base)
     prior = gram.Shrinkage(mean=known.mean, precision=known.precision)
-    strength = max(prior_weight, WEAKEST) * count
+    strength = max(near_weights[-1] if near_weights else 0.0, WEAKEST) * count
     weights = 1.0 / np.maximum(fit.noise, 1e-12)
     fitted = _LeftOut(blocks.merged(keys[0]), weights, prior.times(strength), n)
     timed = _LeftOut(blocks.merged(keys[1]), weights, prior.times(strength), n)
@@ -151,16 +137,23 @@ def assess(
     samples = problem.samples
     speed = np.abs(samples.dq[samples.rows][:: samples.block][: problem.blocks].T)
     slowest = SLOWEST * np.maximum(np.percentile(speed, 99, axis=1), 1e-9)
-    rows = _rows(problem, fitted, regions, root, strength * known.precision)
-    floor = this_motion if rows.floor is None else np.minimum(rows.floor, this_motion)
+    precision = strength * known.precision
+    index, error, lever, floor = _rows(problem, fitted, regions, root, precision)
+    # Of each row that is left out: its part, and whether its joint moves.
+    part, moves = regions[index], (speed > slowest[:, None])[:, index]
     return Assessment(
         anywhere=fitted.rms,
         this_motion=this_motion,
-        noise_floor=floor,
+        noise_floor=this_motion if floor is None else np.minimum(floor, this_motion),
         torque=fitted.torque,
         models=models,
         pays=pays,
-        interval=_calibrated(root, this_motion, rows, speed > slowest[:, None], slowest),
+        interval=TorqueInterval(
+            root=root,
+            sigma=this_motion,
+            slowest=slowest,
+            **_calibrated(this_motion, part, error, lever, moves),
+        ),
     )
 
 
@@ -193,22 +186,16 @@ class _LeftOut:
         return gram.solutions(matrix.sum(axis=0)[None], vector.sum(axis=0)[None], shrinkage)
 
 
-def _parts(problem: IdentificationProblem, lengths: Sequence[int]) -> tuple[Indices, Indices]:
-    """(N) part of each row that `anywhere` leaves out, and stretch of time of each row."""
+def _cells(problem: IdentificationProblem, lengths: Sequence[int]) -> LeftOutCells:
     samples = problem.samples
-    poses = samples.q[samples.rows][:: samples.block][: problem.blocks]
     if len(lengths) > 1:
         ends = np.cumsum(lengths) // samples.block
-        regions = np.minimum(
-            np.searchsorted(ends, np.arange(problem.blocks), side="right"), len(lengths) - 1
-        )
+        recordings = np.searchsorted(ends, np.arange(problem.blocks), side="right")
+        parts = np.minimum(recordings, len(lengths) - 1)
     else:
-        regions = find_regions([poses], problem.base.model.robot.prismatic).labels(poses, 0)
-    return regions, stretches(problem.blocks)
-
-
-def _cells(problem: IdentificationProblem, lengths: Sequence[int]) -> LeftOutCells:
-    parts, blocks_of_time = _parts(problem, lengths)
+        poses = samples.q[samples.rows][:: samples.block][: problem.blocks]
+        parts = find_regions([poses], problem.base.model.robot.prismatic).labels(poses, 0)
+    blocks_of_time = stretches(problem.blocks)
     keys, cells = np.unique(np.stack([parts, blocks_of_time]), axis=1, return_inverse=True)
     blocks = gram.gram_blocks(
         ((rows, np.concatenate([c, t[None]])) for rows, c, t in problem.chunks()),
@@ -221,11 +208,10 @@ def _cells(problem: IdentificationProblem, lengths: Sequence[int]) -> LeftOutCel
 
 def _rivals(
     fitted: _LeftOut, known: PublishedPrior, joints: int
-) -> tuple[tuple[ModelError, ...], bool | None]:
+) -> tuple[dict[str, Array], bool | None]:
     """The rival models' errors, and whether identifying all beats fitting friction alone."""
-    identified = ModelError(name="identified", rms=fitted.rms)
     if not known.published:
-        return (identified,), None
+        return {"identified": fitted.rms}, None
     system, free = fitted.system, known.free
     given = system.square_errors(known.mean[None])
     # Friction and motor inertia alone: what the published inertias leave over.
@@ -239,11 +225,11 @@ def _rivals(
     friction = system.square_errors(known.mean + own @ free.T)
     gain, error = gain_of(friction, fitted.errors)
     rows = fitted.rows
-    return (
-        ModelError(name="published", rms=np.sqrt(given.sum(axis=1) / rows)),
-        ModelError(name="published_friction", rms=np.sqrt(friction.sum(axis=1) / rows)),
-        identified,
-    ), bool(gain > error)
+    return {
+        "published": np.sqrt(given.sum(axis=1) / rows),
+        "published_friction": np.sqrt(friction.sum(axis=1) / rows),
+        "identified": fitted.rms,
+    }, bool(gain > error)
 
 
 def _root(
@@ -269,30 +255,17 @@ def _inverse_root(matrix: Array) -> Array:
     return vectors / np.sqrt(np.maximum(values, 1e-12 * values[-1])) / scale[:, None]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _AssessedRows:
-    """Rows left out, one by one."""
-
-    index: Indices
-    """(M) which rows of the problem they are."""
-    part: Indices
-    """(M) which part they were left out with."""
-    error: Array
-    """(n, M) of the fit without their part [N.m or N]."""
-    leverage: Array
-    """(n, M) for that fit."""
-    floor: Array | None
-    """(n) noise that no motion explains [N.m or N]; None where rows were skipped."""
-
-
 def _rows(
     problem: IdentificationProblem,
     fitted: _LeftOut,
     regions: Indices,
     root: Array,
     precision: Array,
-) -> _AssessedRows:
-    """Errors and leverages of rows left out."""
+) -> tuple[Indices, Array, Array, Array | None]:
+    """Rows left out: which (M) they are, errors [N.m or N] and leverages (n, M) without their part.
+
+    And the noise (n) that no motion explains [N.m or N]; None where rows were skipped.
+    """
     step = -(-problem.blocks // MOST_ROWS)
     matrix = fitted.system.matrix
     total, several = matrix.sum(axis=0), len(matrix) > 1
@@ -323,33 +296,26 @@ def _rows(
     floor = problem.samples.noise
     if floor is None and step == 1:
         floor = np.sqrt(bends / max(problem.blocks, 1))
-    index = np.concatenate(indices)
-    return _AssessedRows(
-        index=index,
-        part=regions[index],
-        error=np.concatenate(errors, axis=1),
-        leverage=np.concatenate(levers, axis=1),
-        floor=floor,
-    )
+    left_out = np.concatenate(errors, axis=1), np.concatenate(levers, axis=1)
+    return np.concatenate(indices), *left_out, floor
 
 
 def _calibrated(
-    root: Array, sigma: Array, rows: _AssessedRows, moving: Mask, slowest: Array
-) -> TorqueInterval:
+    sigma: Array, part: Indices, error: Array, lever: Array, moves: Mask
+) -> dict[str, Array]:
     """The smallest scale of the leverage that the parts left out allow, then quantiles.
 
     A larger scale must raise the likelihood by more than its standard error over the parts.
     """
-    moves = moving[:, rows.index]
-    parts = np.unique(rows.part, return_inverse=True)[1]
+    parts = np.unique(part, return_inverse=True)[1]
     count = int(parts.max()) + 1
     n = len(sigma)
     scale, quantiles = np.ones(n), np.zeros((2, n, len(LEVELS)))
     for j in range(n):
-        square, floor = np.square(rows.error[j]), max(float(sigma[j]), 1e-9) ** 2
+        square, floor = np.square(error[j]), max(float(sigma[j]), 1e-9) ** 2
         losses = np.empty((len(SCALES), count))
         for i, c in enumerate(SCALES):
-            variance = floor + c**2 * rows.leverage[j]
+            variance = floor + c**2 * lever[j]
             losses[i] = np.bincount(parts, np.log(variance) + square / variance, count)
         best = int(np.argmin(losses.sum(axis=1)))
         for i in range(best + 1):
@@ -358,8 +324,8 @@ def _calibrated(
             if gain.sum() <= spread:
                 scale[j] = SCALES[i]
                 break
-        ratio = np.sqrt(square / (floor + scale[j] ** 2 * rows.leverage[j]))
+        ratio = np.sqrt(square / (floor + scale[j] ** 2 * lever[j]))
         for k, some in enumerate((~moves[j], moves[j])):
             used = ratio[some] if some.sum() >= FEWEST_ROWS else ratio
             quantiles[k, j] = np.quantile(used, LEVELS)
-    return TorqueInterval(root=root, sigma=sigma, scale=scale, slowest=slowest, quantiles=quantiles)
+    return {"scale": scale, "quantiles": quantiles}

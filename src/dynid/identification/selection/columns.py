@@ -5,21 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dynid import regressor
 from dynid.core import Array, Mask
 from dynid.identification.bayesian import NOT_NEGATIVE, symbol_of
 from dynid.identification.least_squares import PRIOR_GAIN, Estimator, WeightedLeastSquares
 from dynid.identification.problem import IdentificationProblem
 from dynid.reduction import reduce_model
-from dynid.regressor import (
-    TERMS,
-    FrictionTerms,
-    InverseDynamicModel,
-    JointColumns,
-    LoadFriction,
-    friction_state,
-    smooth_sign,
-    stribeck,
-)
 from dynid.signals import Samples, joined
 
 LOAD = "fl"
@@ -33,6 +24,26 @@ LEVER = 0.1
 """What one radian of the numbers above is to a joint that slides [m]."""
 EXTRA_WIDTH = 0.01
 """Width inside candidate columns that have a step, until the joint's own is known [rad/s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class JointChoice:
+    """What one joint has been given; indices into the lists of candidates."""
+
+    width: int
+    terms: frozenset[int]
+    displacement: int | None = None
+    """Of presliding friction, which then takes the place of the step; None without."""
+
+    @property
+    def step(self) -> int:
+        """Index into the steps of `CandidateColumns`."""
+        return self.width if self.displacement is None else len(WIDTHS) + self.displacement
+
+    @property
+    def size(self) -> int:
+        """Terms beside the paper's; presliding counts as one."""
+        return len(self.terms) + (self.displacement is not None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +78,7 @@ class CandidateColumns:
         q = samples.q.T
         periodic = samples.noise is not None
         over = [d * self.unit for d in self.displacements]
-        every = [friction_state(q, d, periodic=periodic) for d in over]
+        every = [regressor.friction_state(q, d, periodic=periodic) for d in over]
         return np.stack(every, axis=1) if every else np.zeros((len(q), 0, samples.count))
 
     def values(self, dq: Array, load: Array, states: Array, lever: float) -> Array:
@@ -82,8 +93,8 @@ class CandidateColumns:
             stepped += [*(self._column(term, dq, width) for width in widths), *states]
         within = lever * EXTRA_WIDTH
         extra = [self._column(t, dq, within) for t in self.extras if t not in self.with_step]
-        steps = np.array([*(smooth_sign(dq, width) for width in widths), *states])
-        times = {"fs": stribeck(dq, self.stribeck_velocity), LOAD: load}
+        steps = np.array([*(regressor.smooth_sign(dq, width) for width in widths), *states])
+        times = {"fs": regressor.stribeck(dq, self.stribeck_velocity), LOAD: load}
         grown = [
             times[term] * step for term in self.extras if term in self.with_step for step in steps
         ]
@@ -114,10 +125,18 @@ class CandidateColumns:
             steps.append(first + min(k, plain) + behind)
         return tuple(steps)
 
+    def moves(self, now: JointChoice) -> list[JointChoice]:
+        """The choices one move away from one; widths differ where a term has a step."""
+        widths = range(len(WIDTHS) if self.stepped else 1)
+        found = [replace(now, width=k, displacement=None) for k in widths]
+        found += [replace(now, displacement=k) for k in range(len(self.displacements))]
+        found += [replace(now, terms=now.terms ^ {term}) for term in range(len(self.extras))]
+        return [move for move in found if move != now]
+
     def _column(self, term: str, dq: Array, width: float) -> Array:
-        shape = FrictionTerms(width=width, stribeck_velocity=self.stribeck_velocity)
+        shape = regressor.FrictionTerms(width=width, stribeck_velocity=self.stribeck_velocity)
         velocity = dq[None]
-        return JointColumns(term=term, shape=shape).values(velocity, velocity)[0]
+        return regressor.JointColumns(term=term, shape=shape).values(velocity, velocity)[0]
 
 
 EXTRA_TERMS = ("fo", "fca", "fva", "fr", *WITH_STEP)
@@ -126,57 +145,19 @@ PLAIN_WIDTH = WIDTHS.index(0.01)
 """Where every joint begins."""
 
 
-@dataclass(frozen=True, slots=True)
-class JointChoice:
-    """What one joint has been given; indices into the lists of candidates."""
-
-    width: int
-    terms: frozenset[int]
-    displacement: int | None = None
-    """Of presliding friction, which then takes the place of the step; None without."""
-
-    @property
-    def step(self) -> int:
-        """Index into the steps of `CandidateColumns`."""
-        return self.width if self.displacement is None else len(WIDTHS) + self.displacement
-
-    @property
-    def size(self) -> int:
-        """Terms beside the paper's; presliding counts as one."""
-        return len(self.terms) + (self.displacement is not None)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Moves:
-    """Which choices a joint has."""
-
-    extras: int
-    """Number of terms that may be added."""
-    widths: int
-    """Number of widths; 1 where no term has a step."""
-    presliding: bool
-    """Whether friction may build up over a displacement."""
-
-    def after(self, now: JointChoice) -> list[JointChoice]:
-        """The choices one move away from a choice."""
-        moves = [replace(now, width=k, displacement=None) for k in range(self.widths)]
-        if self.presliding:
-            moves += [replace(now, displacement=k) for k in range(len(DISPLACEMENTS))]
-        moves += [replace(now, terms=now.terms ^ {term}) for term in range(self.extras)]
-        return [move for move in moves if move != now]
-
-
 def chosen_friction(
-    choices: tuple[JointChoice, ...], columns: CandidateColumns, given: FrictionTerms | None
-) -> FrictionTerms:
+    choices: tuple[JointChoice, ...],
+    columns: CandidateColumns,
+    given: regressor.FrictionTerms | None,
+) -> regressor.FrictionTerms:
     """The friction terms of the choices, one a joint, and of those given by the user."""
-    joints_of = dict((given or FrictionTerms()).terms)
+    joints_of = dict((given or regressor.FrictionTerms()).terms)
     load = None
     for k, term in enumerate(columns.extras):
         joints = tuple(j for j, choice in enumerate(choices) if k in choice.terms)
         if joints and term == LOAD:
             # What the load is, the fit will find.
-            load = LoadFriction(joints=joints, parameters=(0.0,) * (10 * len(choices)))
+            load = regressor.LoadFriction(joints=joints, parameters=(0.0,) * (10 * len(choices)))
         elif joints:
             joints_of[term] = joints if len(joints) < len(choices) else None
     pairs = list(zip(choices, columns.levers.tolist(), strict=True))
@@ -184,8 +165,8 @@ def chosen_friction(
         0.0 if choice.displacement is None else lever * DISPLACEMENTS[choice.displacement]
         for choice, lever in pairs
     )
-    return FrictionTerms(
-        terms=tuple((term, joints_of[term]) for term in TERMS if term in joints_of),
+    return regressor.FrictionTerms(
+        terms=tuple((term, joints_of[term]) for term in regressor.TERMS if term in joints_of),
         width=tuple(lever * WIDTHS[choice.width] for choice, lever in pairs),
         stribeck_velocity=columns.stribeck_velocity,
         presliding=over if any(over) else (),
@@ -198,8 +179,8 @@ ITERATIONS = 3
 
 
 def with_load(
-    model: InverseDynamicModel, samples: Samples, estimator: Estimator
-) -> InverseDynamicModel:
+    model: regressor.InverseDynamicModel, samples: Samples, estimator: Estimator
+) -> regressor.InverseDynamicModel:
     """The model with the load of its load-dependent friction as these samples show it.
 
     Args:
@@ -212,14 +193,14 @@ def with_load(
         return model
     for _ in range(ITERATIONS):
         inertial = _inertial_parameters(model, samples, estimator)
-        found = LoadFriction(joints=load.joints, parameters=tuple(inertial.tolist()))
+        found = regressor.LoadFriction(joints=load.joints, parameters=tuple(inertial.tolist()))
         model = replace(model, friction=replace(model.friction, load=found))
     return model
 
 
 def without_negative(
-    model: InverseDynamicModel, samples: Samples, estimator: Estimator
-) -> InverseDynamicModel:
+    model: regressor.InverseDynamicModel, samples: Samples, estimator: Estimator
+) -> regressor.InverseDynamicModel:
     """The model without friction that the fit makes negative, which would drive its joint.
 
     Candidates are scored with parameters that are not; beside the load that the fit finds, or with
@@ -240,7 +221,7 @@ def without_negative(
 
 
 def _inertial_parameters(
-    model: InverseDynamicModel, samples: Samples, estimator: Estimator
+    model: regressor.InverseDynamicModel, samples: Samples, estimator: Estimator
 ) -> Array:
     """(10 n) inertial parameters of a fit, zero outside the base."""
     base = reduce_model(model)
@@ -248,14 +229,16 @@ def _inertial_parameters(
     return base.to_standard(fit.values)[: 10 * model.robot.joints]
 
 
-def load_inertias(model: InverseDynamicModel, parts: Sequence[Samples], width: float) -> Array:
+def load_inertias(
+    model: regressor.InverseDynamicModel, parts: Sequence[Samples], width: float
+) -> Array:
     """(10 n) inertial parameters of a plain fit, its Coulomb step so wide [rad/s or m/s]."""
-    plain = replace(model, friction=FrictionTerms(width=width))
+    plain = replace(model, friction=regressor.FrictionTerms(width=width))
     samples = parts[0] if len(parts) == 1 else joined(parts)
     return _inertial_parameters(plain, samples, WeightedLeastSquares(prior_gain=PRIOR_GAIN))
 
 
-def load_size(model: InverseDynamicModel, samples: Samples, inertias: Array) -> Array:
+def load_size(model: regressor.InverseDynamicModel, samples: Samples, inertias: Array) -> Array:
     """(n, N) size of each gear's load [N.m or N] with inertial parameters (10 n)."""
     parameters = np.append(inertias, np.zeros(len(model.columns) - len(inertias)))
     carried = model.inverse_dynamics(samples.q, samples.dq, samples.ddq, parameters)

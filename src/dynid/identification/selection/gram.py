@@ -53,11 +53,7 @@ class GramBlocks:
         return GramBlocks(products=self.products + other.products, rows=self.rows + other.rows)
 
     def merged(self, groups: Indices) -> GramBlocks:
-        """Cells summed by group.
-
-        Args:
-            groups: (C) group of each cell, from 0; -1 leaves a cell out.
-        """
+        """Cells summed by group (C), numbered from 0; -1 leaves a cell out."""
         found = [groups == group for group in range(int(groups.max(initial=-1)) + 1)]
         return GramBlocks(
             products=np.stack([self.products[:, here].sum(axis=1) for here in found], axis=1),

@@ -140,45 +140,6 @@ recordings of one UR5 differ by 1 to 20 %."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Conditions:
-    """What a recording on another day may change, at some states."""
-
-    moving: Mask
-    """(n, N) whether each joint moves."""
-    stiction: Array
-    """(n, N) size of what friction may hold while a joint hardly moves [N.m or N]."""
-    change: Array
-    """(n, N) standard deviation from friction and drive gains of another day [N.m or N]."""
-
-
-def conditions(
-    names: Sequence[str],
-    values: Array,
-    columns: Array,
-    moving: Mask,
-) -> Conditions:
-    """Conditions of states.
-
-    Of base parameters (r) by name, their columns (r, n, N), and whether each joint moves (n, N).
-    """
-    inertial = {"Im", "Imm", *INERTIAL}
-    rubs = [k for k, name in enumerate(names) if symbol_of(name) not in inertial]
-    friction = np.tensordot(values[rubs], columns[rubs], axes=1)
-    torque = np.tensordot(values, columns, axes=1)
-    stiction = np.zeros(torque.shape)
-    for k in rubs:
-        if symbol_of(names[k]) == "Fc":
-            j = int(names[k][2:]) - 1
-            # Where the Coulomb column is not saturated, friction holds what it is given.
-            stiction[j] = abs(values[k]) * np.sqrt(np.maximum(1.0 - columns[k, j] ** 2, 0.0))
-    return Conditions(
-        moving=moving,
-        stiction=stiction,
-        change=np.hypot(FRICTION_CHANGE * friction, GAIN_CHANGE * torque),
-    )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class TorqueInterval:
     """Torque intervals that grow where the recording has not been.
 
@@ -205,12 +166,16 @@ class TorqueInterval:
         freeze(self, root=(None, None), sigma=(n,), scale=(n,), slowest=(n,))
         freeze(self, quantiles=(2, n, len(LEVELS)))
 
-    def half_width(self, columns: Array, there: Conditions, level: float) -> Array:
+    def half_width(
+        self, names: Sequence[str], values: Array, columns: Array, moving: Mask, level: float
+    ) -> Array:
         """(n, N) half widths [N.m or N] of the intervals of states.
 
         Args:
+            names: (r) of the base parameters.
+            values: (r) base parameters.
             columns: (r, n, N) base columns of the states.
-            there: What another day may change there.
+            moving: (n, N) whether each joint moves.
             level: Share of measured torques that shall lie within, 0.5 to 0.99.
 
         Raises:
@@ -220,6 +185,16 @@ class TorqueInterval:
             raise InputError(
                 "level of an interval", value=level, limit=f"{LEVELS[0]} to {LEVELS[-1]}"
             )
+        inertial = {"Im", "Imm", *INERTIAL}
+        rubs = [k for k, name in enumerate(names) if symbol_of(name) not in inertial]
+        friction = np.tensordot(values[rubs], columns[rubs], axes=1)
+        torque = np.tensordot(values, columns, axes=1)
+        stiction = np.zeros(torque.shape)
+        for k in rubs:
+            if symbol_of(names[k]) == "Fc":
+                j = int(names[k][2:]) - 1
+                # Where the Coulomb column is not saturated, friction holds what it is given.
+                stiction[j] = abs(values[k]) * np.sqrt(np.maximum(1.0 - columns[k, j] ** 2, 0.0))
         variance = np.square(self.sigma)[:, None]
         variance = variance + np.square(self.scale)[:, None] * leverage(self.root, columns)
         rest, motion = np.array(
@@ -227,12 +202,11 @@ class TorqueInterval:
             dtype=np.float64,
         )
         # As arithmetic: the type of `where` is not known to checkers.
-        factor = rest[:, None] + there.moving * (motion - rest)[:, None]
-        half = factor * np.sqrt(variance)
+        factor = rest[:, None] + moving * (motion - rest)[:, None]
         # Friction at rest is anywhere between its bounds.
-        half = np.maximum(half, level * there.stiction)
+        half = np.maximum(factor * np.sqrt(variance), level * stiction)
         normal = NormalDist().inv_cdf((1.0 + level) / 2.0)
-        return np.hypot(half, normal * there.change)
+        return np.hypot(half, normal * np.hypot(FRICTION_CHANGE * friction, GAIN_CHANGE * torque))
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""

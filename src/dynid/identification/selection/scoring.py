@@ -16,10 +16,8 @@ from dynid.identification.selection.columns import (
     LEVER,
     LOAD,
     PLAIN_WIDTH,
-    WIDTHS,
     CandidateColumns,
     JointChoice,
-    Moves,
     chosen_friction,
     load_inertias,
     load_size,
@@ -92,9 +90,7 @@ class Scores:
 def gain_of(before: Array, after: Array) -> tuple[float, float]:
     """How much lower the sum over joints of log RMS is, and its standard error over the parts.
 
-    Args:
-        before: (n, F) sums of squared errors by joint and part left out.
-        after: The same of another model.
+    From sums of squared errors (n, F) by joint and part left out of two models.
     """
     total = np.maximum(before.sum(axis=1) + after.sum(axis=1), 1e-300)
     parts = ((before - after) / total[:, None]).sum(axis=0)
@@ -400,17 +396,12 @@ class ScoreSearch:
         """Improve one joint at a time until nothing is clearly better on every partition."""
         blocks = self.blocks(settings)
         weights = self.weights(blocks, choices, prior)
-        moves = Moves(
-            extras=len(self.columns.extras),
-            widths=len(WIDTHS) if self.columns.stepped else 1,
-            presliding=bool(self.columns.displacements),
-        )
         now = self.scores(blocks, choices, weights, prior)
         for _ in range(PASSES):
             before = choices
             for j in range(self.robot.joints):
                 found: tuple[float, JointChoice, Scores] | None = None
-                for trial in moves.after(choices[j]):
+                for trial in self.columns.moves(choices[j]):
                     moved = (*choices[:j], trial, *choices[j + 1 :])
                     scored = self.scores(blocks, moved, weights, prior)
                     price = GAIN_OF_TERM * (trial.size - choices[j].size)

@@ -41,10 +41,8 @@ class Selection:
 
     settings: ProcessingSettings
     friction: FrictionTerms
-    prior_weight: float
-    """Of the published inertias, see `TowardPublished`; 0 for none."""
     near_weights: tuple[float, ...]
-    """Weights that score as well, to a standard error."""
+    """Weights of the published inertias that score alike, to a standard error; 0 for none."""
     score: float
     """Sum over joints of log RMS of the left-out error [log N.m], rows that count."""
     noise: Array
@@ -52,6 +50,11 @@ class Selection:
     purpose: str
     delays_std_s: tuple[float, ...] | None
     """(n) standard deviations of the measured delays [s]; None where they were given."""
+
+    @property
+    def prior_weight(self) -> float:
+        """That of the published inertias: the largest, see `TowardPublished`."""
+        return self.near_weights[-1]
 
 
 def select(
@@ -119,7 +122,9 @@ def select(
     prior = near[0]
     choices, now = search.descend(trials[best], choices, prior)
     # Friction chosen, the cut-off may move to a neighbour.
-    for near in _neighbours(trials, best):
+    for near in (best - 1, best + 1):
+        if not (0 <= near < len(trials) and trials[near].velocity == trials[best].velocity):
+            continue
         tell("cut-off", 0.75)
         blocks = search.blocks(trials[near])
         other = search.scores(blocks, choices, search.weights(blocks, choices, prior), prior)
@@ -136,7 +141,6 @@ def select(
     return Selection(
         settings=settings,
         friction=search.friction(settings, choices, near_weights[-1]),
-        prior_weight=near_weights[-1],
         near_weights=near_weights,
         score=now.value,
         noise=now.noise,
@@ -195,11 +199,3 @@ def _settings_to_try(
         for source in sources
         for cutoff in cutoffs
     )
-
-
-def _neighbours(trials: tuple[ProcessingSettings, ...], index: int) -> list[int]:
-    return [
-        k
-        for k in (index - 1, index + 1)
-        if 0 <= k < len(trials) and trials[k].velocity == trials[index].velocity
-    ]
