@@ -568,7 +568,7 @@ def test_one_file_a_joint(tmp_path: Path, name: str) -> None:
         write(tmp_path / f"{name.format(k + 1)}.csv", names, t, q[:, k], qd[:, k], effort[:, k])
         for k in SIX
     ]
-    with pytest.raises(RecordError, match=r"6 files.*dynid import [^ ]*1.csv .*6.csv$"):
+    with pytest.raises(RecordError, match=r"6 files.*dynid import [^ ]*1.csv .*6.csv --robot"):
         read_recording(tmp_path)
     record = read_recording(files)
     np.testing.assert_allclose(record.signals["q"], q, atol=1e-9)
