@@ -8,7 +8,7 @@ import typer
 
 from dynid import __version__
 from dynid.cli import estimate_commands, motion_commands, result_commands, robot_commands
-from dynid.cli.options import Command, Commands, exit_code_of, flag, guard_streams
+from dynid.cli.options import Command, GroupedCommand, exit_code_of, flag, guard_streams
 
 SUMMARY = "Identify the dynamics of a robot arm: inertias, friction, motor inertia, uncertainty."
 
@@ -59,7 +59,7 @@ def _run(words: list[str]) -> int:
 
 def build() -> typer.Typer:
     """The application with all its commands."""
-    app = Commands(
+    app = typer.Typer(
         help=SUMMARY,
         add_completion=False,
         rich_markup_mode=None,
@@ -71,7 +71,7 @@ def build() -> typer.Typer:
     app.callback()(_root)
     for name, item in _COMMANDS.items():
         if isinstance(item, Command):
-            app.command(name, epilog=item.epilog)(item.run)
+            app.command(name, cls=GroupedCommand, epilog=item.epilog)(item.run)
         else:
             item(app)
     return app

@@ -123,15 +123,6 @@ class GroupedCommand(typer.core.TyperCommand):
                     formatter.write_dl(records)
 
 
-class Commands(typer.Typer):
-    """An application whose commands group their options."""
-
-    def command(self, name: str | None = None, **settings: Any) -> Any:
-        """As `typer.Typer.command`."""
-        settings.setdefault("cls", GroupedCommand)
-        return super().command(name, **settings)
-
-
 def examples(*lines: str) -> str:
     """The end of a help page: command lines to copy."""
     return "\b\nExample:\n" + "\n".join(f"  {line}" for line in lines)

@@ -80,7 +80,7 @@ def counterbalances(model: ExportModel) -> list[Row]:
     """Joint from 0, then SI numbers, as `COUNTERBALANCE` names them."""
     return [
         tuple(x if isinstance(x, int) else float(x) for x in astuple(spring))
-        for spring in model.springs
+        for spring in model.robot.counterbalances
     ]
 
 

@@ -15,7 +15,7 @@ from dynid.core import Array, InputError, freeze, frozen, scipy_part
 from dynid.export.completion import Completion, complete
 from dynid.identification import Estimate
 from dynid.regressor import InverseDynamicModel, TorqueRipple, coupled_motors
-from dynid.robot import Counterbalance, RobotModel, move
+from dynid.robot import RobotModel, move
 
 JOINT_SYMBOLS = ("Fc", "Fv", "Im", "Fo", "Fca", "Fva", "Fs", "Fr")
 """Terms of one joint: Coulomb, viscous, motor inertia, offset, asymmetries, Stribeck, cube root."""
@@ -92,11 +92,6 @@ class ExportModel:
     def speed_alone(self) -> bool:
         """Whether friction depends on nothing but speed: no friction by load, no ripple."""
         return not any(self.terms[symbol].any() for symbol in SHAPED_SYMBOLS)
-
-    @property
-    def springs(self) -> tuple[Counterbalance, ...]:
-        """Counterbalances."""
-        return self.robot.counterbalances
 
 
 def completed_model(estimate: Estimate) -> tuple[ExportModel, Completion]:

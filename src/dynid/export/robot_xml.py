@@ -110,7 +110,7 @@ def left_out(model: ExportModel, held: Iterable[str]) -> tuple[str, ...]:
         for symbol, values in model.terms.items()
         if symbol not in held and values.any()
     ]
-    springs = ["torques of counterbalances"] if model.springs else []
+    springs = ["torques of counterbalances"] if model.robot.counterbalances else []
     return tuple(dict.fromkeys([*gone, *springs]))
 
 

@@ -38,7 +38,7 @@ def _estimator(
     """The estimator that settings ask for, or the one that was chosen (None: preset `paper`)."""
     if isinstance(settings.estimator, identification.Estimator):
         return settings.estimator
-    weight = 0.0 if choice is None else choice.prior_weight
+    weight = 0.0 if choice is None else choice.near_weights[-1]
     gain = None if choice is None else identification.PRIOR_GAIN
     word = settings.estimator or ("ols" if choice is None else "wls")
     if word == "sdp" and weight >= REGIONS_FROM:

@@ -42,7 +42,8 @@ class Selection:
     settings: ProcessingSettings
     friction: FrictionTerms
     near_weights: tuple[float, ...]
-    """Weights of the published inertias that score alike, to a standard error; 0 for none."""
+    """Weights of the published inertias (see `TowardPublished`) that score alike, to a standard
+    error, of which the last is taken; 0 for none."""
     score: float
     """Sum over joints of log RMS of the left-out error [log N.m], rows that count."""
     noise: Array
@@ -50,11 +51,6 @@ class Selection:
     purpose: str
     delays_std_s: tuple[float, ...] | None
     """(n) standard deviations of the measured delays [s]; None where they were given."""
-
-    @property
-    def prior_weight(self) -> float:
-        """That of the published inertias: the largest, see `TowardPublished`."""
-        return self.near_weights[-1]
 
 
 def select(
