@@ -183,11 +183,11 @@ def parse_name(text: str, joints: Sequence[str] = ()) -> Name:
     if known is not None:
         joint, parts = known
         last = parts.pop() if parts else ""
-        while parts and _joined(last) in CONTENT:
+        while parts and plainly(last) in CONTENT:
             last = parts.pop()
         return _unit_at_the_end(_name(last, parts, joint=joint, unit=unit))
     last = ""
-    while parts and (not last or _joined(last) in CONTENT):
+    while parts and (not last or plainly(last) in CONTENT):
         last = parts.pop()
         if index is None:
             if parts and (match := _INDEX_ALONE.fullmatch(last)):
@@ -200,11 +200,11 @@ def parse_name(text: str, joints: Sequence[str] = ()) -> Name:
     joint = ""
     if index is None and inside:
         # `position[elbow_joint]`; it is a unit after all where all columns have the same.
-        joint, unit = _joined(inside), unit or inside
+        joint, unit = plainly(inside), unit or inside
     elif index is not None:
         unit = unit or inside
-    elif parts and not set(_joined(parts[-1]).split("_")) <= _NO_JOINT:
-        joint = _joined(parts.pop())
+    elif parts and not set(plainly(parts[-1]).split("_")) <= _NO_JOINT:
+        joint = plainly(parts.pop())
     return _unit_at_the_end(_name(last, parts, joint=joint, unit=unit, index=index))
 
 
@@ -226,8 +226,8 @@ def _brackets(name: str) -> tuple[str, int | None, str, str]:
 def _name(
     last: str, parts: Sequence[str], *, joint: str, unit: str, index: int | None = None
 ) -> Name:
-    scope = ".".join(filter(None, map(_joined, parts)))
-    return Name(base=_joined(last), index=index, joint=joint, unit=unit, scope=scope)
+    scope = ".".join(filter(None, map(plainly, parts)))
+    return Name(base=plainly(last), index=index, joint=joint, unit=unit, scope=scope)
 
 
 def split_joint(text: str) -> Name | None:
@@ -237,7 +237,7 @@ def split_joint(text: str) -> Name | None:
     """
     name, _, unit, _ = _brackets(_plain(text))
     parts = [part for part in re.split(r"[/.]", name) if part.strip()]
-    words = _joined(parts[-1]).split("_") if parts else []
+    words = plainly(parts[-1]).split("_") if parts else []
     count = len(words)
     splits = [(words[k:], words[:k], words[k]) for k in range(1, count)]
     splits += [(words[:k], words[k:], words[k - 1]) for k in range(count - 1, 0, -1)]
@@ -254,18 +254,14 @@ def _plain(text: str) -> str:
     return _SUNRISE.sub("", name)
 
 
-def _joined(name: str) -> str:
-    return re.sub(r"[^a-z0-9]+", "_", name).strip("_")
-
-
 def _known_joint(parts: list[str], joints: Sequence[str]) -> tuple[str, list[str]] | None:
     """The robot's joint that a path names, and the path without it."""
     for joint in sorted(joints, key=len, reverse=True):
-        words = _joined(_plain(joint))
+        words = plainly(_plain(joint))
         for k, part in enumerate(parts):
-            text = _joined(part)
+            text = plainly(part)
             if match := re.search(rf"(?:^|_){re.escape(words)}(?:_|$)", text):
-                rest = _joined(f"{text[: match.start()]}_{text[match.end() :]}")
+                rest = plainly(f"{text[: match.start()]}_{text[match.end() :]}")
                 return words, [*parts[:k], *([rest] if rest else []), *parts[k + 1 :]]
     return None
 
@@ -275,7 +271,7 @@ def _index(name: str) -> tuple[str, int | None]:
     if first := _INDEX_FIRST.match(name):
         return first.group(2), int(first.group(1))
     if within := _INDEX_WITHIN.match(name):
-        base = _joined(f"{within.group(1)}_{within.group(3)}")
+        base = plainly(f"{within.group(1)}_{within.group(3)}")
         if quantity_of(base) or _unit_at_the_end(Name(base=base)).unit:
             return base, int(within.group(2))
     if (last := _INDEX_LAST.match(name)) and last.group(1):
@@ -344,5 +340,5 @@ def places_of(wanted: Sequence[str], names: Sequence[str]) -> list[int]:
 
 
 def plainly(name: str) -> str:
-    """A joint's name in lower case, its words joined by underscores."""
+    """A name in lower case, its words joined by underscores."""
     return re.sub(r"[^a-z0-9]+", "_", name.strip().lower()).strip("_")
