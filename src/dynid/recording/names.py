@@ -23,13 +23,13 @@ _SYNONYMS: dict[str, str] = {
         "datetime date_time zeit zeitstempel tempo temps ipoc"
     ),
     "q": (
-        "q pos position positions jointpos angle angles theta qpos axisqmsr axis_act ai_pos aipos "
+        "q position positions pos jointpos angle angles theta qpos axisqmsr axis_act ai_pos aipos "
         "jpos q_mes qs current_position current_positions current_joint_position "
         "current_joint_positions current_q current_angle current_angles current_joint_angles "
         "qactual f_act_position winkel gelenkwinkel"
     ),
     "qd": (
-        "qd dq qdot q_dot vel velocity velocities speed dtheta qvel omega qp qdots q_dots jvel "
+        "qd dq qdot q_dot velocity velocities vel speed dtheta qvel omega qp qdots q_dots jvel "
         "speeds dotq dot_q angular_velocity vels current_velocity current_velocities "
         "current_joint_velocity current_joint_velocities current_qd current_dq current_speed "
         "qdactual act_velo f_act_velocity geschwindigkeit"
@@ -55,7 +55,7 @@ _SYNONYMS: dict[str, str] = {
     ),
 }
 RANK: dict[str, tuple[str, int]] = {
-    word: (quantity, 2 * place)
+    word: (quantity, 100 * place)
     for quantity, words in _SYNONYMS.items()
     for place, word in enumerate(words.split())
 }
@@ -68,12 +68,13 @@ def words_of(text: str) -> frozenset[str]:
 
 
 # Words that say nothing of their own, and words that make a target of a measured quantity.
-MEASURED = words_of("actual act measured meas msr")
+MEASURED = words_of("actual measured act meas msr")
 """Words that tell a measured quantity from others of its kind."""
-PLAIN = MEASURED | words_of(
-    "joint joints jnt arm robot state states link axis feedback fb sensed real field log logged "
-    "logs data history recorded"
+_WORDS = (
+    "actual measured act meas msr joint joints jnt link axis arm robot state states feedback fb "
+    "sensed real field log logged logs data history recorded"
 )
+PLAIN = words_of(_WORDS)
 """Words around a quantity's name that do not change what it is."""
 TARGET = words_of(
     "target targets desired des cmd command commands commanded ref reference references setpoint "
@@ -312,9 +313,10 @@ def quantity_of(base: str) -> tuple[str, int] | None:
         return None
     quantity, rank = found
     if target:
-        return (TARGET_OF[quantity], rank + 200) if quantity in TARGET_OF else None
-    # Measured ones first; `joint_torque` goes before `motor_torque`, as `torque` does.
-    return quantity, rank - 200 if MEASURED & {*words} else rank + 1
+        return (TARGET_OF[quantity], rank + 20_000) if quantity in TARGET_OF else None
+    # `actual_torque` goes before `torque`, and that before `joint_torque` and `link_torque`.
+    around = sum(_WORDS.split().index(word) for word in words if word in PLAIN)
+    return quantity, rank + around + (-50 if MEASURED & {*words} else 1)
 
 
 def places_of(wanted: Sequence[str], names: Sequence[str]) -> list[int]:
