@@ -67,15 +67,17 @@ def words_of(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-# Words that say nothing of their own, and words that make a target of a measured quantity.
+_PLACES: dict[str, int] = {
+    word: place
+    for place, word in enumerate(
+        "actual measured act meas msr joint joints jnt link axis arm robot state states feedback "
+        "fb sensed real field log logged logs data history recorded".split()
+    )
+}
 MEASURED = words_of("actual measured act meas msr")
 """Words that tell a measured quantity from others of its kind."""
-_WORDS = (
-    "actual measured act meas msr joint joints jnt link axis arm robot state states feedback fb "
-    "sensed real field log logged logs data history recorded"
-)
-PLAIN = words_of(_WORDS)
-"""Words around a quantity's name that do not change what it is."""
+PLAIN = frozenset(_PLACES)
+"""Words around a quantity's name that do not change what it is; the first are the surest."""
 TARGET = words_of(
     "target targets desired des cmd command commands commanded ref reference references setpoint "
     "setpoints goal planned nominal"
@@ -315,7 +317,7 @@ def quantity_of(base: str) -> tuple[str, int] | None:
     if target:
         return (TARGET_OF[quantity], rank + 20_000) if quantity in TARGET_OF else None
     # `actual_torque` goes before `torque`, and that before `joint_torque` and `link_torque`.
-    around = sum(_WORDS.split().index(word) for word in words if word in PLAIN)
+    around = sum(_PLACES.get(word, 0) for word in words)
     return quantity, rank + around + (-50 if MEASURED & {*words} else 1)
 
 
