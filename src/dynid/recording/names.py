@@ -67,13 +67,11 @@ def words_of(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-_PLACES: dict[str, int] = {
-    word: place
-    for place, word in enumerate(
-        "actual measured act meas msr joint joints jnt link axis arm robot state states feedback "
-        "fb sensed real field log logged logs data history recorded".split()
-    )
-}
+_AROUND = (
+    "actual measured act meas msr joint joints jnt link axis arm robot state states feedback fb "
+    "sensed real field log logged logs data history recorded"
+)
+_PLACES = {word: place for place, word in enumerate(_AROUND.split())}
 MEASURED = words_of("actual measured act meas msr")
 """Words that tell a measured quantity from others of its kind."""
 PLAIN = frozenset(_PLACES)
