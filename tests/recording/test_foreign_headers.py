@@ -432,6 +432,8 @@ DISTRACTORS = {
     "of the tool": ("tcp_pos_{}", "joint_pos_{}", "tcp_force_{}", "joint_torque_{}"),
     "errors": ("pos_error_{}", "pos_{}", "torque_error_{}", "torque_{}"),
     "of the motor": ("motor_position_{}", "link_position_{}", "motor_torque_{}", "link_torque_{}"),
+    "measured by name": ("position_{}", "actual_position_{}", "torque_{}", "actual_torque_{}"),
+    "measured of the motor": ("q_cmd_{}", "q_{}", "motor_torque_actual_{}", "joint_torque_{}"),
     "of the motor first": ("motor_pos{}", "joint_pos{}", "motor_torque{}", "joint_torque{}"),
 }
 

@@ -141,7 +141,7 @@ def load_object(path: str | Path) -> JsonFields:
     try:
         return JsonFields(_mapping(document, "the content"))
     except InputError as error:
-        raise InputError(error.what, where=where, value=error.value) from error
+        raise error.changed(where=where) from error
 
 
 def provenance_from_json(fields: JsonFields) -> Provenance:

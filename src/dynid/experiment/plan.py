@@ -195,43 +195,35 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 @contextmanager
+def _signals_to(handler: Callable[[int, FrameType | None], object]) -> Generator[None]:
+    """SIGINT and SIGTERM for a handler; outside the main thread signals cannot be caught."""
+    main = threading.current_thread() is threading.main_thread()
+    before = {number: signal.signal(number, handler) for number in _SIGNALS if main}
+    try:
+        yield
+    finally:
+        for number, old in before.items():
+            signal.signal(number, old)
+
+
+@contextmanager
 def stop_on_signals() -> Generator[threading.Event]:
     """Turn SIGINT and SIGTERM into an event for as long as the context lasts.
 
     The robot is then stopped and the recording closed in good order, wherever the program is.
-    Outside the main thread signals cannot be caught; the event is then for the caller alone.
+    Outside the main thread the event is for the caller alone.
 
     Yields:
         The event that the signals set.
     """
     event = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
+    with _signals_to(lambda number, frame: event.set()):
         yield event
-        return
-
-    def ask(number: int, frame: FrameType | None) -> None:
-        event.set()
-
-    before = {number: signal.signal(number, ask) for number in _SIGNALS}
-    try:
-        yield event
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
-@contextmanager
-def interruptible() -> Generator[None]:
+def interruptible() -> AbstractContextManager[None]:
     """Inside `stop_on_signals`: let signals raise again while no robot moves."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {number: signal.signal(number, signal.default_int_handler) for number in _SIGNALS}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+    return _signals_to(signal.default_int_handler)
 
 
 OpenRecorder = Callable[[], AbstractContextManager[Recorder]]

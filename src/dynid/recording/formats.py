@@ -72,7 +72,19 @@ def _unpack(file: Path, kind: str, target: Path, room: int) -> None:
         _opened(file, kind) as source,
         target.open("wb") as sink,
     ):
-        _copy(source, sink, file, room)
+        written = 0
+        while block := source.read(_BLOCK):
+            written += len(block)
+            if written > room:
+                raise RecordError(
+                    "the file is too large when unpacked",
+                    where=file.name,
+                    limit=f"{room >> 20} MB for a file of this size, or what the disk has free",
+                    next_step="Unpack it, and import what is inside.",
+                )
+            sink.write(block)
+        if written == 0:
+            raise RecordError("the compressed file is empty")
 
 
 def _opened(file: Path, kind: str) -> IO[bytes] | gzip.GzipFile:
@@ -90,22 +102,6 @@ def _opened(file: Path, kind: str) -> IO[bytes] | gzip.GzipFile:
             next_step=f"Unpack it first: unzip {file.name}",
         )
     return archive.open(members[0])
-
-
-def _copy(source: IO[bytes] | gzip.GzipFile, sink: IO[bytes], file: Path, room: int) -> None:
-    written = 0
-    while block := source.read(_BLOCK):
-        written += len(block)
-        if written > room:
-            raise RecordError(
-                "the file is too large when unpacked",
-                where=file.name,
-                limit=f"{room >> 20} MB for a file of this size, or what the disk has free",
-                next_step="Unpack it, and import what is inside.",
-            )
-        sink.write(block)
-    if written == 0:
-        raise RecordError("the compressed file is empty")
 
 
 FORMATS = (

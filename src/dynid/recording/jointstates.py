@@ -2,7 +2,7 @@
 
 import itertools
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -92,7 +92,13 @@ def _choose_topic(topics: Mapping[str, _Collector], joints: int) -> str:
     Raises:
         RecordError: Several could be it, as of two arms.
     """
-    standing = {name: _standing(name, item.groups, joints) for name, item in topics.items()}
+    standing: dict[str, tuple[bool, ...]] = {}
+    for name, item in topics.items():
+        # Enough joints, measured not asked for, and the usual name.
+        enough = max(map(len, item.groups), default=0) >= max(joints, 1)
+        measured = not TARGET & set(re.split(r"[^a-z]+", name.lower()))
+        usual = (name == "/joint_states", name.endswith("joint_states"))
+        standing[name] = (enough, measured, *usual)
     best = max(topics, key=lambda name: (standing[name], topics[name].count, name))
     many = [name for name, item in topics.items() if 2 * item.count > topics[best].count]
     rivals = sorted(name for name in many if standing[name] == standing[best] and name != best)
@@ -103,13 +109,6 @@ def _choose_topic(topics: Mapping[str, _Collector], joints: int) -> str:
             next_step=f"Choose one, for example --topic {best}.",
         )
     return best
-
-
-def _standing(name: str, groups: Iterable[tuple[str, ...]], joints: int) -> tuple[bool, ...]:
-    """Enough joints, measured not asked for, and the usual name."""
-    enough = max(map(len, groups), default=0) >= max(joints, 1)
-    measured = not TARGET & set(re.split(r"[^a-z]+", name.lower()))
-    return enough, measured, name == "/joint_states", name.endswith("joint_states")
 
 
 _SUFFIXES = (".db3", ".mcap", ".bag", ".db3.zstd", ".mcap.zstd")

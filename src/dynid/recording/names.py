@@ -23,13 +23,13 @@ _SYNONYMS: dict[str, str] = {
         "datetime date_time zeit zeitstempel tempo temps ipoc"
     ),
     "q": (
-        "q pos position positions jointpos angle angles theta qpos axisqmsr axis_act ai_pos aipos "
+        "q position positions pos jointpos angle angles theta qpos axisqmsr axis_act ai_pos aipos "
         "jpos q_mes qs current_position current_positions current_joint_position "
         "current_joint_positions current_q current_angle current_angles current_joint_angles "
         "qactual f_act_position winkel gelenkwinkel"
     ),
     "qd": (
-        "qd dq qdot q_dot vel velocity velocities speed dtheta qvel omega qp qdots q_dots jvel "
+        "qd dq qdot q_dot velocity velocities vel speed dtheta qvel omega qp qdots q_dots jvel "
         "speeds dotq dot_q angular_velocity vels current_velocity current_velocities "
         "current_joint_velocity current_joint_velocities current_qd current_dq current_speed "
         "qdactual act_velo f_act_velocity drehzahl geschwindigkeit"
@@ -55,7 +55,7 @@ _SYNONYMS: dict[str, str] = {
     ),
 }
 RANK: dict[str, tuple[str, int]] = {
-    word: (quantity, 2 * place)
+    word: (quantity, 100 * place)
     for quantity, words in _SYNONYMS.items()
     for place, word in enumerate(words.split())
 }
@@ -67,14 +67,15 @@ def words_of(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-# Words that say nothing of their own, and words that make a target of a measured quantity.
-MEASURED = words_of("actual act measured meas msr")
-"""Words that tell a measured quantity from others of its kind."""
-PLAIN = MEASURED | words_of(
-    "joint joints jnt arm robot state states link axis feedback fb sensed real field log logged "
-    "logs data history recorded"
+_AROUND = (
+    "actual measured act meas msr joint joints jnt link axis arm robot state states feedback fb "
+    "sensed real field log logged logs data history recorded"
 )
-"""Words around a quantity's name that do not change what it is."""
+_PLACES = {word: place for place, word in enumerate(_AROUND.split())}
+MEASURED = words_of("actual measured act meas msr")
+"""Words that tell a measured quantity from others of its kind."""
+PLAIN = frozenset(_PLACES)
+"""Words around a quantity's name that do not change what it is; the first are the surest."""
 TARGET = words_of(
     "target targets desired des cmd command commands commanded ref reference references setpoint "
     "setpoints goal planned nominal"
@@ -185,11 +186,11 @@ def parse_name(text: str, joints: Sequence[str] = ()) -> Name:
     if known is not None:
         joint, parts = known
         last = parts.pop() if parts else ""
-        while parts and _joined(last) in CONTENT:
+        while parts and plainly(last) in CONTENT:
             last = parts.pop()
         return _unit_at_the_end(_name(last, parts, joint=joint, unit=unit))
     last = ""
-    while parts and (not last or _joined(last) in CONTENT):
+    while parts and (not last or plainly(last) in CONTENT):
         last = parts.pop()
         if index is None:
             if parts and (match := _INDEX_ALONE.fullmatch(last)):
@@ -202,11 +203,11 @@ def parse_name(text: str, joints: Sequence[str] = ()) -> Name:
     joint = ""
     if index is None and inside:
         # `position[elbow_joint]`; it is a unit after all where all columns have the same.
-        joint, unit = _joined(inside), unit or inside
+        joint, unit = plainly(inside), unit or inside
     elif index is not None:
         unit = unit or inside
-    elif parts and not set(_joined(parts[-1]).split("_")) <= _NO_JOINT:
-        joint = _joined(parts.pop())
+    elif parts and not set(plainly(parts[-1]).split("_")) <= _NO_JOINT:
+        joint = plainly(parts.pop())
     return _unit_at_the_end(_name(last, parts, joint=joint, unit=unit, index=index))
 
 
@@ -228,8 +229,8 @@ def _brackets(name: str) -> tuple[str, int | None, str, str]:
 def _name(
     last: str, parts: Sequence[str], *, joint: str, unit: str, index: int | None = None
 ) -> Name:
-    scope = ".".join(filter(None, map(_joined, parts)))
-    return Name(base=_joined(last), index=index, joint=joint, unit=unit, scope=scope)
+    scope = ".".join(filter(None, map(plainly, parts)))
+    return Name(base=plainly(last), index=index, joint=joint, unit=unit, scope=scope)
 
 
 def split_joint(text: str) -> Name | None:
@@ -239,7 +240,7 @@ def split_joint(text: str) -> Name | None:
     """
     name, _, unit, _ = _brackets(_plain(text))
     parts = [part for part in re.split(r"[/.]", name) if part.strip()]
-    words = _joined(parts[-1]).split("_") if parts else []
+    words = plainly(parts[-1]).split("_") if parts else []
     count = len(words)
     splits = [(words[k:], words[:k], words[k]) for k in range(1, count)]
     splits += [(words[:k], words[k:], words[k - 1]) for k in range(count - 1, 0, -1)]
@@ -256,18 +257,14 @@ def _plain(text: str) -> str:
     return _SUNRISE.sub("", name)
 
 
-def _joined(name: str) -> str:
-    return re.sub(r"[^a-z0-9]+", "_", name).strip("_")
-
-
 def _known_joint(parts: list[str], joints: Sequence[str]) -> tuple[str, list[str]] | None:
     """The robot's joint that a path names, and the path without it."""
     for joint in sorted(joints, key=len, reverse=True):
-        words = _joined(_plain(joint))
+        words = plainly(_plain(joint))
         for k, part in enumerate(parts):
-            text = _joined(part)
+            text = plainly(part)
             if match := re.search(rf"(?:^|_){re.escape(words)}(?:_|$)", text):
-                rest = _joined(f"{text[: match.start()]}_{text[match.end() :]}")
+                rest = plainly(f"{text[: match.start()]}_{text[match.end() :]}")
                 return words, [*parts[:k], *([rest] if rest else []), *parts[k + 1 :]]
     return None
 
@@ -277,7 +274,7 @@ def _index(name: str) -> tuple[str, int | None]:
     if first := _INDEX_FIRST.match(name):
         return first.group(2), int(first.group(1))
     if within := _INDEX_WITHIN.match(name):
-        base = _joined(f"{within.group(1)}_{within.group(3)}")
+        base = plainly(f"{within.group(1)}_{within.group(3)}")
         if quantity_of(base) or _unit_at_the_end(Name(base=base)).unit:
             return base, int(within.group(2))
     if (last := _INDEX_LAST.match(name)) and last.group(1):
@@ -318,9 +315,10 @@ def quantity_of(base: str) -> tuple[str, int] | None:
         return None
     quantity, rank = found
     if target:
-        return (TARGET_OF[quantity], rank + 200) if quantity in TARGET_OF else None
-    # Measured ones first; `joint_torque` goes before `motor_torque`, as `torque` does.
-    return quantity, rank - 200 if MEASURED & {*words} else rank + 1
+        return (TARGET_OF[quantity], rank + 20_000) if quantity in TARGET_OF else None
+    # `actual_torque` goes before `torque`, and that before `joint_torque` and `link_torque`.
+    around = sum(_PLACES.get(word, 0) for word in words)
+    return quantity, rank + around + (-50 if MEASURED & {*words} else 1)
 
 
 def places_of(wanted: Sequence[str], names: Sequence[str]) -> list[int]:
@@ -346,5 +344,5 @@ def places_of(wanted: Sequence[str], names: Sequence[str]) -> list[int]:
 
 
 def plainly(name: str) -> str:
-    """A joint's name in lower case, its words joined by underscores."""
+    """A name in lower case, its words joined by underscores."""
     return re.sub(r"[^a-z0-9]+", "_", name.strip().lower()).strip("_")

@@ -3,8 +3,8 @@
 import socket
 import threading
 import time
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager, suppress
 
 from dynid.core import JobError
 from dynid.protocol import Framer, Kind, Numbers, Packet, ProtocolError, Recipe, dashboard, rtde
@@ -106,10 +106,8 @@ class RtdeLink:
         Raises:
             Disconnected: The connection is gone.
         """
-        try:
+        with _connected(_BROKE, self.host):
             self.socket.sendall(package)
-        except OSError as error:
-            raise Disconnected(_gone(error), where=self.host) from error
 
     def close(self) -> None:
         """Hang up."""
@@ -128,16 +126,15 @@ class RtdeLink:
 
     def _receive(self) -> list[Packet]:
         while True:
-            try:
-                data = self.socket.recv(_CHUNK)
-            except TimeoutError as error:
-                raise Disconnected(
-                    "the controller sends nothing any more: the network is cut, or it is off",
-                    where=self.host,
-                    limit=f"{self.socket.gettimeout()} s",
-                ) from error
-            except OSError as error:
-                raise Disconnected(_gone(error), where=self.host) from error
+            with _connected(_BROKE, self.host):
+                try:
+                    data = self.socket.recv(_CHUNK)
+                except TimeoutError as error:
+                    raise Disconnected(
+                        "the controller sends nothing any more: the network is cut, or it is off",
+                        where=self.host,
+                        limit=f"{self.socket.gettimeout()} s",
+                    ) from error
             if not data:
                 raise Disconnected("the controller has closed the connection", where=self.host)
             if packets := self._framer.feed(data):
@@ -163,8 +160,16 @@ def connect(host: str, port: int) -> socket.socket:
     return sock
 
 
-def _gone(error: OSError) -> str:
-    return f"the connection to the controller broke ({error.strerror or error})"
+_BROKE = "the connection to the controller broke"
+
+
+@contextmanager
+def _connected(fault: str, host: str) -> Generator[None]:
+    """What the system says of a socket as the end of the connection, with the fault in words."""
+    try:
+        yield
+    except OSError as error:
+        raise Disconnected(f"{fault} ({error.strerror or error})", where=host) from error
 
 
 SCRIPT_PORT = 30002
@@ -200,13 +205,9 @@ class ScriptPort:
         """
         with self._lock:
             self._drain()
-            try:
+            with _connected("the program cannot be sent", self.host):
                 self._socket.settimeout(CONNECT_S)
                 self._socket.sendall(program.encode("ascii"))
-            except OSError as error:
-                raise Disconnected(
-                    "the program cannot be sent", where=self.host, value=error.strerror
-                ) from error
 
     def drain(self) -> None:
         """Throw away the states that the controller has sent."""
@@ -253,12 +254,8 @@ class Dashboard:
         Raises:
             Disconnected: There is none.
         """
-        try:
+        with _connected("the dashboard server is gone", self.host):
             self._socket.sendall(f"{command}\n".encode())
-        except OSError as error:
-            raise Disconnected(
-                "the dashboard server is gone", where=self.host, value=error.strerror
-            ) from error
         return self._read()
 
     def close(self) -> None:
@@ -267,12 +264,8 @@ class Dashboard:
         self._socket.close()
 
     def _read(self) -> str:
-        try:
+        with _connected("the dashboard does not answer", self.host):
             line = self._stream.readline(_LINE)
-        except OSError as error:
-            raise Disconnected(
-                "the dashboard does not answer", where=self.host, value=error.strerror or str(error)
-            ) from error
         if not line:
             raise Disconnected("the dashboard server has closed the connection", where=self.host)
         return line.decode(errors="replace").strip()
