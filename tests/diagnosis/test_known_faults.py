@@ -118,6 +118,15 @@ def test_gravity_of_one_link_of_unknown_size_is_no_spring(
     assert findings_of(record, robot) == ()
 
 
+@pytest.mark.parametrize("factor", [1e-3, 0.1, 10.0, 100.0])
+def test_torques_in_another_unit_are_nothing_else(tmp_path: Path, factor: float) -> None:
+    clean = recording(Wrong())
+    signals = {**clean.signals, "effort": factor * clean.signals["effort"]}
+    found = findings_of(replace(clean, signals=signals), arm(tmp_path))
+    assert [f.kind for f in found if f.severity != "info"] == ["gain_all"]
+    assert found[0].value == pytest.approx(factor, rel=0.1)
+
+
 @pytest.mark.parametrize("degrees", [1.0, 2.0, 5.0])
 def test_a_tilted_base_is_measured(tmp_path: Path, degrees: float) -> None:
     found = faults(tmp_path, Wrong(tilt_deg=degrees))[0]

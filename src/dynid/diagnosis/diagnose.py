@@ -8,7 +8,7 @@ import numpy as np
 from dynid.core import Array, Finding
 from dynid.diagnosis.events import Contact, clock_scale, ripple, rows_of, untouched
 from dynid.diagnosis.explain import Explained, Explanation, explain
-from dynid.diagnosis.residual import ROWS, Recording, inertial_prior
+from dynid.diagnosis.residual import ROWS, Recording, inertial_prior, reference
 from dynid.recording import ExperimentRecord, at_limit
 from dynid.robot import RobotModel
 from dynid.signals import ProcessingSettings, Samples, process
@@ -29,6 +29,10 @@ UNEXPLAINED = 0.25
 """Share of the torque, beyond noise, that is left by the richest model: something is wrong."""
 TURNED = 0.3
 """Tilt or zero [rad] from which a result must not be used."""
+MISSCALED = 5.0
+"""Factor of all torques beyond which units, not masses, are wrong, and are set right first."""
+ALIKE = 0.7
+"""Correlation, without friction, of torques that are those of the bodies but for their unit."""
 _ABOUT_X = 0.01
 """Share of gravity along the base's x axis that a mounting about this axis leaves (0.6 deg)."""
 MOST_TOUCHED = 0.3
@@ -109,7 +113,11 @@ def diagnose(
             text = "no torque of any joint is ever negative: absolute values"
             step = "record torques or currents with their signs"
             return (Finding("absolute_torque", text, next_step=step),)
+        scale = _torque_scale(recording_of(robot, samples), prior)
+        samples = replace(samples, tau=samples.tau / scale)
         explained = _explained(recording_of(robot, samples), prior)
+        if scale != 1.0:
+            best["gain_all", ()] = (np.inf, [_scaled(scale, explained)])
         for item in explained.found:
             key = (item.kind, item.joints)
             if key not in best or best[key][0] < item.score:
@@ -139,6 +147,45 @@ def _explained(recording: Recording, prior: tuple[Array, Array]) -> Explained:
     if not 0.0 < rows.mean() < MOST_TOUCHED:
         return explained
     return explain(recording.without(rows), prior)
+
+
+def _torque_scale(recording: Recording, prior: tuple[Array, Array]) -> float:
+    """Factor of all torques over those of published bodies, where it is beyond `MISSCALED`; else 1.
+
+    So far from the prior the search below, which is one of small faults, finds other ones.
+    """
+    robot = recording.robot
+    if not (np.isfinite(robot.inertias[:, :4]).all() and (robot.inertias[:, 0] > 0).all()):
+        return 1.0
+    ref = reference(recording, prior)
+    bodies = np.tensordot(prior[0], ref.columns[: len(prior[0])], axes=1)
+    both = alone = measured = 0.0
+    for body, torque, friction in zip(
+        bodies, ref.torque, ref.columns[len(prior[0]) :].swapaxes(0, 1), strict=True
+    ):
+        base, *_ = np.linalg.svd(friction[friction.any(axis=1)].T, full_matrices=False)
+        own, seen = (values - base @ (base.T @ values) for values in (body, torque))
+        # Motor inertia and friction may hold all that a body does, as where it only slides.
+        if own @ own > 1e-6 * (body @ body) and (size := float(seen @ seen)) > 0:
+            # Every joint counts alike, however much it is loaded.
+            both += float(own @ seen) / size
+            alone += float(own @ own) / size
+            measured += 1.0
+    if both <= ALIKE * np.sqrt(alone * measured) or 1 / MISSCALED < both / alone < MISSCALED:
+        return 1.0
+    return both / alone
+
+
+def _scaled(scale: float, explained: Explained) -> Finding:
+    rest = next((item for item in explained.found if item.kind == "gain_all"), None)
+    factor = scale * (1 + rest.value) if rest else scale
+    return Finding(
+        "gain_all",
+        f"all torques are {float(f'{factor:.2g}'):g} times what published masses let expect",
+        value=factor,
+        unit="1",
+        next_step=_STEPS["gain_all"],
+    )
 
 
 def recording_of(robot: RobotModel, samples: Samples) -> Recording:
