@@ -425,6 +425,15 @@ def test_gaps_are_reported() -> None:
     assert "2 gaps, about 4 samples missing, the largest 32 ms" in record.problems[0].message
 
 
+def test_jitter_is_no_gap() -> None:
+    table = raw()
+    assert table.t is not None
+    by = np.random.default_rng(0).uniform(-3e-3, 3e-3, len(table.t))
+    (told,) = run(replace(table, t=table.t + by)).problems
+    assert told.code == "clock_jitter"
+    assert "gap" not in told.message
+
+
 def test_rate_that_contradicts_velocities_is_reported() -> None:
     record = run(replace(raw(), t=None), rate_hz=120.0)
     assert codes(record) == ["clock_mismatch"]

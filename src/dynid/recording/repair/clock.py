@@ -92,6 +92,10 @@ def _refuse_row_counts(seconds: Array, t: Array, table: RawTable) -> None:
     )
 
 
+_BESIDE = 9
+"""Rows on each side of a wide step that tell whether it is a gap."""
+
+
 def report_clock(table: RawTable) -> RawTable:
     """Report gaps and jitter of the stamps."""
     if table.samples < 4 or table.clock == "rate":
@@ -100,10 +104,11 @@ def report_clock(table: RawTable) -> RawTable:
     nominal = float(np.median(steps))
     # Where rows were left out the step is wide by our own doing, and reported as such.
     steps = np.where(table.ticks > 1, nominal, steps)
-    # A late stamp is followed, or was preceded, by a short step; a gap is not.
-    padded = np.pad(steps, 1, constant_values=nominal)
-    lonely = np.minimum(steps + padded[2:], steps + padded[:-2]) > 2.5 * nominal
-    gaps = (steps > 1.5 * nominal) & lonely
+    # After a gap all stamps are later than rows that were counted let expect, after jitter few are.
+    late = np.concatenate([[0.0], np.cumsum(steps - nominal)])
+    padded = np.pad(late, _BESIDE - 1, mode="edge")
+    usual = np.median(np.lib.stride_tricks.sliding_window_view(padded, _BESIDE), axis=1)
+    gaps = (steps > 1.5 * nominal) & (usual[_BESIDE:] - usual[:-_BESIDE] > 0.5 * nominal)
     missing = int(np.sum(np.round(steps[gaps] / nominal) - 1))
     jitter = 100 * float(np.quantile(np.abs(steps - nominal), 0.99)) / nominal
     parts: list[str] = []
