@@ -47,7 +47,7 @@ def find_trunk(
 
     Raises:
         RobotError: Unknown tip or joint, no joint left to move (the message lists tips), or a
-            floating or planar joint within the arm.
+            floating, planar or mimicking joint within the arm.
     """
     frozen = dict(locked or {})
     for name, value in frozen.items():
@@ -75,11 +75,22 @@ def find_trunk(
     within = path[path.index(chosen[0]) : path.index(chosen[-1])]
     if any(j.kind in ("floating", "planar") for j in within):
         raise RobotError("a floating or planar joint within the arm", where=where)
+    names = {j.name for j in chosen}
+    for joint in within:
+        if joint.mimic and joint.mimic[0] in names and joint.name not in frozen:
+            raise RobotError(
+                "a joint within the arm moves with another, so that torques and collisions of what "
+                "it carries would be wrong",
+                where=where,
+                value=f"{printable(joint.name)} mimics {printable(joint.mimic[0])}",
+                next_step="To take it as fixed all the same, lock it in a robot file: "
+                f"[locked] {printable(joint.name)} = 0.0",
+            )
     end = tip if tip is not None else survey.flange(chosen[-1].child)
     return Trunk(
         joints=tuple(j.name for j in chosen),
         tip=end,
-        locked=_frozen(tree, {j.name for j in chosen}, frozen, path, notes),
+        locked=_frozen(tree, names, frozen, notes),
         notes=tuple(notes),
     )
 
@@ -88,17 +99,10 @@ def _frozen(
     tree: UrdfTree,
     chosen: set[str],
     asked: dict[str, float],
-    path: list[UrdfJoint],
     notes: list[str],
 ) -> dict[str, float]:
     rest = [j for j in tree.joints.values() if j.kind in MOVING and j.name not in chosen]
     values = {j.name: asked.get(j.name, _followed(j, asked)) for j in rest}
-    for joint in rest:
-        if joint.mimic and joint.name not in asked and joint in path:
-            notes.append(
-                f"joint {printable(joint.name)} mimics {printable(joint.mimic[0])} within the arm;"
-                f" it is frozen at {values[joint.name]:g}: torques of what it moves are wrong"
-            )
     if rest:
         notes.append(f"joints frozen: {_listed([f'{k} at {v:g}' for k, v in values.items()])}")
     free = [j.name for j in tree.joints.values() if j.kind in ("floating", "planar")]
