@@ -245,14 +245,15 @@ def test_an_estimate_carries_left_out_errors_models_and_intervals(tmp_path: Path
     read = read_estimate(tmp_path / "e.json")
     q = np.random.default_rng(1).uniform(-3, 3, (50, 6))
     zero = np.zeros_like(q)
-    found = result.estimate.half_width(q, zero + 0.5, zero, level=0.9)
-    again = read.half_width(q, zero + 0.5, zero)
-    np.testing.assert_allclose(again, found, rtol=1e-9)
+    found = result.estimate.predict(q, zero + 0.5, zero, interval=0.9)
+    again = read.predict(q, zero + 0.5, zero, interval=0.9)
+    np.testing.assert_allclose(again.half_width, found.half_width, rtol=1e-9)
+    np.testing.assert_array_equal(found.torque, result.estimate.predict(q, zero + 0.5, zero))
     wide = result.estimate.half_width(q, zero + 0.5, zero, level=0.99)
-    assert (wide >= found).all()
+    assert (wide >= found.half_width).all()
     # Twice as fast as anything recorded, the interval is wider.
     fast = result.estimate.half_width(q, zero + 20.0, zero + 100.0)
-    assert (fast > 2.0 * found).all()
+    assert (fast > 2.0 * found.half_width).all()
     with pytest.raises(InputError, match="level"):
         result.estimate.half_width(q, zero, zero, level=1.5)
     with pytest.raises(InputError, match="no torque intervals"):

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
@@ -70,6 +70,18 @@ class StandardParameters:
         freeze(self, prior=(p,), finite=False)
         if not set(self.origins) <= set(ORIGINS):
             raise InputError("unknown origin", value=set(self.origins), limit=ORIGINS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TorquePrediction:
+    """Predicted torques with their intervals."""
+
+    torque: Array
+    """(N, n) [N.m or N]."""
+    half_width: Array
+    """(N, n) half widths of the intervals [N.m or N]."""
+    level: float
+    """Share of measured torques that shall lie within."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,15 +184,37 @@ class Estimate:
         parameters[list(self.independent)] = self.values
         return read_only(parameters)
 
-    def predict(self, q: Array, dq: Array, ddq: Array, state: Array | None = None) -> Array:
-        """Joint torques (N, n) [N.m or N], each argument (N, n); see `half_width` for intervals.
+    @overload
+    def predict(
+        self, q: Array, dq: Array, ddq: Array, state: Array | None = None, *, interval: None = None
+    ) -> Array: ...
+
+    @overload
+    def predict(
+        self, q: Array, dq: Array, ddq: Array, state: Array | None = None, *, interval: float
+    ) -> TorquePrediction: ...
+
+    def predict(
+        self,
+        q: Array,
+        dq: Array,
+        ddq: Array,
+        state: Array | None = None,
+        *,
+        interval: float | None = None,
+    ) -> Array | TorquePrediction:
+        """Joint torques (N, n) [N.m or N], each argument (N, n); with intervals if asked for.
 
         Samples stand for themselves. Those of a motion, in the order of time, show presliding
         friction as well, with `state` (n, N) from `InverseDynamicModel.friction_state`.
         """
         values = self.standard_parameters()
         torque = self.model.inverse_dynamics(q, dq, ddq, values, state)
-        return read_only(torque - self.model.known_torque(q))
+        torque = read_only(torque - self.model.known_torque(q))
+        if interval is None:
+            return torque
+        width = self.half_width(q, dq, ddq, state, level=interval)
+        return TorquePrediction(torque=torque, half_width=width, level=interval)
 
     def half_width(
         self, q: Array, dq: Array, ddq: Array, state: Array | None = None, *, level: float = 0.9
