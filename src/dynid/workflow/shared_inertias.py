@@ -140,18 +140,20 @@ def identify_payload(
     loaded: RecordLike | Sequence[RecordLike],
     robot: RobotLike,
     *,
+    friction: FrictionTerms | None = None,
     cutoff_hz: float | None = None,
 ) -> identification.Payload:
     """The payload that the loaded runs carry and the unloaded ones do not.
 
-    Best with one motion for both: what the model gets wrong then cancels. Friction (Coulomb,
-    viscous, and that which grows with the load) is each record's own, as gears warm up between
-    runs.
+    Best with one motion for both: what the model gets wrong then cancels. Friction is each
+    record's own, as gears warm up between runs.
 
     Args:
         unloaded: Recordings without the payload, or their files.
         loaded: Recordings with it.
         robot: The robot, or its name or file, as it is without the payload.
+        friction: Friction terms; the default is Coulomb, viscous, motor inertia, and friction
+            that grows with the load.
         cutoff_hz: Low-pass cut-off of the motion [Hz]; None: from the first record's spectrum.
 
     Raises:
@@ -166,9 +168,10 @@ def identify_payload(
             "a recording with the payload is one without it",
             next_step="Record the same motion again with the payload.",
         )
-    joints = tuple(range(model.joints))
-    nothing = LoadFriction(joints=joints, parameters=(0.0,) * 10 * model.joints)
-    friction = FrictionTerms(width=SMOOTHING_VELOCITY, load=nothing)
+    if friction is None:
+        joints = tuple(range(model.joints))
+        nothing = LoadFriction(joints=joints, parameters=(0.0,) * 10 * model.joints)
+        friction = FrictionTerms(width=SMOOTHING_VELOCITY, load=nothing)
     with threadpool_limits(limits=1, user_api="blas"):
         plain = InverseDynamicModel(robot=model, friction=friction)
         problem = _problem(without, carrying, plain, cutoff_hz)
@@ -209,7 +212,9 @@ TARGETS = ("target_current", "target_moment")
 """Signals that drive gains are found in."""
 
 
-def identify_gains(record: RecordLike, robot: RobotLike) -> identification.DriveGains:
+def identify_gains(
+    record: RecordLike, robot: RobotLike, *, width: float = identification.WIDTH
+) -> identification.DriveGains:
     """Drive gains from a recording of target currents and target moments.
 
     Target velocities are used where they were recorded: the controller's friction follows them,
@@ -218,6 +223,7 @@ def identify_gains(record: RecordLike, robot: RobotLike) -> identification.Drive
     Args:
         record: The recording or its file.
         robot: The robot, or its name or file.
+        width: Speed over which the controller's dry friction changes sign [rad/s].
 
     Raises:
         InputError: A recording without targets or velocities, or of another number of joints.
@@ -245,6 +251,7 @@ def identify_gains(record: RecordLike, robot: RobotLike) -> identification.Drive
         velocity,
         rate_hz=record.rate_hz,
         names=model.joint_names,
+        width=width,
     )
 
 
