@@ -119,4 +119,5 @@ def test_estimators_that_simulate_the_arm_do_without(estimator: str) -> None:
     settings = IdentifySettings(estimator=estimator)
     estimate = identify(presliding(0), ur5(), settings).estimate
     assert estimate.model.friction.presliding == ()
+    assert any("without presliding" in words for words in estimate.choices)
     assert estimate.settings.delays_s is None

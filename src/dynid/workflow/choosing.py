@@ -86,6 +86,9 @@ def choose(
             repetitions = int(len(signals.t) / signals.rate_hz / period + 1e-6)
             recordings = [fold_periods(signals, period)]
             averaged = (f"average of {repetitions} periods of {period:g} s",)
+    # These follow the arm in a simulation, whose friction has no past.
+    simulated = settings.estimator in ("ml", "iv", "didim")
+    left = ("friction without presliding: the estimator simulates the arm",) if simulated else ()
     chosen = identification.select(
         robot,
         settings.frames,
@@ -93,12 +96,11 @@ def choose(
         processing,
         terms=settings.terms,
         smoothed=smoothed,
-        # These follow the arm in a simulation, whose friction has no past.
-        presliding=settings.estimator not in ("ml", "iv", "didim"),
+        presliding=not simulated,
         purpose=settings.purpose,
         progress=progress,
     )
-    return chosen, (*averaged, *_words(chosen, any(robot.prismatic)))
+    return chosen, (*averaged, *left, *_words(chosen, any(robot.prismatic)))
 
 
 def _words(chosen: identification.Selection, slides: bool) -> tuple[str, ...]:
