@@ -31,6 +31,9 @@ FOLLOWS = 0.004
 LATEST_S = 0.08
 """The longest delay: lookahead, and the cycles that a stream takes."""
 
+STALL_CYCLES = 1000
+"""Control cycles of a stall of the disk: 8 s of controller time."""
+
 
 @pytest.fixture(scope="module")
 def controller() -> Iterator[RunningController]:
@@ -107,6 +110,20 @@ def test_what_is_recorded_is_what_another_client_saw(controller: RunningControll
         np.testing.assert_array_equal(seen[rows], recorder.channel("timestamp"))
         for name, field in (("q", "actual_q"), ("current", "actual_current")):
             np.testing.assert_array_equal(observer.column(field)[rows], recorder.array(name))
+
+
+def test_a_disk_that_stalls_loses_nothing_and_stops_nobody(controller: RunningController) -> None:
+    class Stalled(ListRecorder):
+        def append(self, t, signals, channels=None) -> None:
+            if not self.t:
+                observer.wait_for_index(STALL_CYCLES)
+            super().append(t, signals, channels)
+
+    recorder = Stalled()
+    with Observer(controller.host) as observer:
+        outcome = UrDriver(inspect(controller.host)).execute(gentle_execution(5), recorder)
+    assert outcome.abort is None
+    assert (outcome.samples, outcome.gaps, len(recorder.t)) == (5 * CYCLES, 0, 5 * CYCLES)
 
 
 def test_a_stop_is_wished_and_the_robot_stands_still(controller: RunningController) -> None:

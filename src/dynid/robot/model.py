@@ -240,7 +240,7 @@ class RobotModel:
     """(n, 4, 4) joint frame in the previous joint frame at q = 0 [m]."""
     axes: Array
     """(n, 3) unit axis in the joint frame."""
-    parameter_frames: Mapping[str, Array]
+    parameter_frames: Mapping[str, Array] = field(repr=False)
     """Convention (`dh`, `mdh`, `urdf`) to (n, 4, 4) parameter frame in the joint frame [m]."""
     default_frames: str
     """The convention used when none is asked for."""
@@ -259,7 +259,7 @@ class RobotModel:
     """(4, 4) the chain's end (tool flange) in the last joint frame [m]."""
     counterbalances: tuple[Counterbalance, ...] = ()
     """Springs and cylinders whose torque is known."""
-    bodies: tuple[Body, ...] = ()
+    bodies: tuple[Body, ...] = field(default=(), repr=False)
     """Collision bodies."""
     body_notes: tuple[str, ...] = ()
     """Notes on the bodies for the certificate of collisions."""
