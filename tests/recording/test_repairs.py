@@ -126,6 +126,19 @@ def test_prismatic_joints_are_never_converted() -> None:
     np.testing.assert_allclose(record.signals["q"][:, 1], np.radians(table.signals["q"][:, 1]))
 
 
+def test_prismatic_joints_in_millimetres_are_refused() -> None:
+    """Degrees were refused, and millimetres identified as metres."""
+    ur5 = load_robot("ur5")
+    limits = replace(ur5.limits, lower=np.full(6, -4.0), upper=np.full(6, 4.0))
+    robot = replace(ur5, joint_types=("prismatic", *ur5.joint_types[1:]), limits=limits)
+    table = raw()
+    scale = np.array([1e3, 1, 1, 1, 1, 1])
+    table = signals(table, q=table.signals["q"] * scale, qd=table.signals["qd"] * scale)
+    with pytest.raises(RecordError, match=r"q1 \[mm\]") as refused:
+        run(table, robot=robot)
+    assert refused.value.limit == "4 m"
+
+
 def test_motor_side_becomes_joint_side() -> None:
     ur5 = load_robot("ur5")
     coupling = np.diag([32.0, 32, 45, -48, 45, 32])

@@ -293,6 +293,14 @@ def refuse_degrees(table: RawTable, robot: RobotModel | None) -> RawTable:
             limit=f"{bound[joint]:.4g} rad" if known[joint] else "a few turns",
             next_step=_USE_DEGREES,
         )
+    too_far = ~turning & (bound > 0) & (reach > 20 * bound)
+    if too_far.any():
+        joint = int(np.argmax(too_far))
+        raise RecordError(
+            f"{table.label('q', joint)} reaches {reach[joint]:.4g}, which cannot be metres",
+            limit=f"{bound[joint]:.4g} m",
+            next_step=f"If they are millimetres, name the column so, as in q{joint + 1} [mm].",
+        )
     q = table.signals["q"]
     low = np.nanmax(np.where(np.isnan(limits.lower), -np.inf, limits.lower - q), axis=0)
     high = np.nanmax(np.where(np.isnan(limits.upper), -np.inf, q - limits.upper), axis=0)
@@ -301,9 +309,10 @@ def refuse_degrees(table: RawTable, robot: RobotModel | None) -> RawTable:
     if outside.any():
         excess = np.where(np.isfinite(excess), excess, reach)
         joint = int(np.argmax(np.where(outside, excess, -np.inf)))
+        unit, others = "rad" if turning[joint] else "m", int(outside.sum()) - 1
         table = table.report(
             "unit_suspect",
-            f"{table.label('q', joint)} goes {excess[joint]:.3g} beyond the limits of "
-            f"{robot.name} ({int(outside.sum())} joints do): another unit, offset or order?",
+            f"{table.label('q', joint)} goes {excess[joint]:.3g} {unit} beyond the limits of "
+            f"{robot.name}, and {others} other joints do: check their units, offsets and order",
         )
     return table
