@@ -81,6 +81,10 @@ class Family:
         return [column for _, column in pairs]
 
 
+_SLIDING = {"q": words_of("d stroke"), "effort": words_of("force f kraft")}
+"""What a prismatic joint's column may be called beside those of revolute ones."""
+
+
 def _collect(names: Iterable[Name]) -> dict[str, list[Family]]:
     """Group columns by quantity, path and name; those of no quantity stand under ``""``."""
     found: dict[tuple[str, str, str], Family] = {}
@@ -94,6 +98,15 @@ def _collect(names: Iterable[Name]) -> dict[str, list[Family]]:
     grouped: dict[str, list[Family]] = {}
     for (quantity, _, _), family in found.items():
         grouped.setdefault(quantity, []).append(family)
+    for quantity, words in _SLIDING.items():
+        for family in grouped.get(quantity, []):
+            for other in list(grouped.get("", [])):
+                both = Family(members=[*family.members, *other.members])
+                joints = {name.joint or name.index for name, _ in both.members}
+                like = other.scope == family.scope and words & {*other.base.split("_")}
+                if like and both.whole and len(joints) == len(both.members):
+                    family.members = both.members
+                    grouped[""].remove(other)
     return grouped
 
 
@@ -117,7 +130,7 @@ def by_rows(columns: Mapping[str, Sequence[int]]) -> str:
     return f"Leave the time out and give the clock: --columns {spelled(kept)} --rate HZ."
 
 
-_TORQUE_STEMS = ("torque", "tau", "effort", "current", "cur")
+_TORQUE_STEMS = ("torque", "tau", "effort", "current", "cur", "force")
 _NOT_MEASURED = words_of(
     "ext external error err gravity grav friction coriolis residual model estimated est predicted "
     "feedforward ff limit limits max min bias offset hat voltage cmd command desired target "

@@ -20,29 +20,30 @@ _SYNONYMS: dict[str, str] = {
     "t": (
         "t time timestamp time_stamp stamp timestamps times sec secs second seconds elapsed "
         "elapsed_time time_s t_s rostime controller_time rec_time time_cont rosbag_timestamp "
-        "datetime date_time zeit zeitstempel tempo temps ipoc"
+        "datetime date_time zeit zeitstempel tempo temps_s ipoc x_value"
     ),
     "q": (
         "q position positions pos jointpos angle angles theta qpos axisqmsr axis_act ai_pos aipos "
         "jpos q_mes qs current_position current_positions current_joint_position "
         "current_joint_positions current_q current_angle current_angles current_joint_angles "
-        "qactual f_act_position winkel gelenkwinkel"
+        "qactual f_act_position winkel gelenkwinkel ang istposition istwinkel"
     ),
     "qd": (
         "qd dq qdot q_dot velocity velocities vel speed dtheta qvel omega qp qdots q_dots jvel "
         "speeds dotq dot_q angular_velocity vels current_velocity current_velocities "
         "current_joint_velocity current_joint_velocities current_qd current_dq current_speed "
-        "qdactual act_velo f_act_velocity drehzahl geschwindigkeit"
+        "qdactual act_velo f_act_velocity drehzahl geschwindigkeit istgeschwindigkeit istdrehzahl "
+        "vitesse"
     ),
     "qdd": "qdd ddq qddot q_ddot acc acceleration accelerations qacc qpp accel",
     "current": (
         "current currents cur motor_current motor_currents i i_q ma_cur macur current_motor "
-        "current_motors curr iactual inst_current strom motorstrom"
+        "current_motors curr iactual inst_current strom motorstrom iststrom courant"
     ),
     "effort": (
         "tau_j effort efforts torque torques tau trq actual_current_as_torque jtor jtorque "
         "tau_mes taus moment moments sensor_torque torque_sensor motor_torque motor_torques "
-        "joint_tor f_act_torque drehmoment eff"
+        "tor f_act_torque drehmoment eff istmoment istdrehmoment couple"
     ),
     "target_q": "q_d as_pos aspos ipo_jnt_pos axisqcmd axisqcmdt1m",
     "target_qd": "dq_d",
@@ -69,7 +70,7 @@ def words_of(text: str) -> frozenset[str]:
 
 _AROUND = (
     "actual measured act meas msr joint joints jnt link axis arm robot state states feedback fb "
-    "sensed real field log logged logs data history recorded"
+    "sensed real field log logged logs data history recorded ist axe achse gelenk"
 )
 _PLACES = {word: place for place, word in enumerate(_AROUND.split())}
 MEASURED = words_of("actual measured act meas msr")
@@ -78,7 +79,7 @@ PLAIN = frozenset(_PLACES)
 """Words around a quantity's name that do not change what it is; the first are the surest."""
 TARGET = words_of(
     "target targets desired des cmd command commands commanded ref reference references setpoint "
-    "setpoints goal planned nominal"
+    "setpoints goal planned nominal soll consigne"
 )
 """Words that turn a measured quantity into what was asked for."""
 OTHER = words_of(
@@ -100,11 +101,13 @@ TARGET_OF = {
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z][a-z])")
 _BRACKET = re.compile(r"[\[({]([^\[\](){}]*)[\])}]\s*$")
 _INDEX_LAST = re.compile(
-    r"^(.*?)[\s_\-]*(?:(?<![a-z])(?:joint|jnt|axis|achse|j|a))?[\s_\-]*(\d{1,3})$"
+    r"^(.*?)[\s_\-]*(?:(?<![a-z])(?:joint|jnt|axis|achse|axe|gelenk|j|a))?[\s_\-]*(\d{1,3})$"
 )
-_INDEX_FIRST = re.compile(r"^(?:joint|jnt|axis|achse|motor|j|a)[\s_\-]*(\d{1,3})[\s_\-:]+(.+)$")
+_INDEX_FIRST = re.compile(
+    r"^(?:joint|jnt|axis|achse|axe|gelenk|motor|j|a)[\s_\-]*(\d{1,3})[\s_\-:]+(.+)$"
+)
 _INDEX_WITHIN = re.compile(r"^([a-z][a-z_\s\-]*?)[\s_\-]*(\d{1,3})[\s_\-]+([a-z][a-z_\s\-]*)$")
-_INDEX_ALONE = re.compile(r"(?:joint|jnt|axis|achse|motor|j|a)?[\s_\-]*(\d{1,3})")
+_INDEX_ALONE = re.compile(r"(?:joint|jnt|axis|achse|axe|gelenk|motor|j|a)?[\s_\-]*(\d{1,3})")
 _INDEX_PATH = re.compile(r"^(.*?)[\[(]?(?<![a-z\d])(\d{1,3})[\])]?$")
 _DEGREES = re.compile(r"(^|_)(deg|degs|degree|degrees)(_|$)")
 _SECONDS = frozenset({"sec", "secs"})
@@ -144,7 +147,7 @@ class Name:
         words = [word for word in (*self.scope.split("."), *self.base.split("_")) if word] or [""]
         if words[-1] in _NANOSECONDS or words[-2:] == ["nano", "sec"]:
             return "nanosec"
-        if words[-1] in _SECONDS and (words[:-1] in ([], ["zeit", "in"]) or "stamp" in words):
+        if words[-1] in _SECONDS and (len(words) == 1 or "stamp" in words):
             return "sec"
         return "stamp" if words[-1] == "stamp" and "header" in words else ""
 
@@ -163,6 +166,9 @@ class Name:
         if around & OTHER:
             return None
         found = quantity_of(self.base)
+        if self.base == "temps" and self.index is None:
+            # French for time; with a number, temperatures.
+            return RANK["temps_s"]
         if found and around & TARGET and found[0] in TARGET_OF:
             return TARGET_OF[found[0]], found[1]
         return found
@@ -200,6 +206,10 @@ def parse_name(text: str, joints: Sequence[str] = ()) -> Name:
                 last, index = _index(last)
     if index is None and not inside and parts and (match := _INDEX_PATH.match(parts[-1])):
         index, parts[-1] = int(match.group(2)), match.group(1)
+    if index is None and not inside and parts and (match := _INDEX_ALONE.fullmatch(parts[-1])):
+        # `Axis1.ActPos`: a number as much as `ActPos1`.
+        index = int(match.group(1))
+        parts.pop()
     joint = ""
     if index is None and inside:
         # `position[elbow_joint]`; it is a unit after all where all columns have the same.
@@ -287,7 +297,7 @@ def _unit_at_the_end(name: Name) -> Name:
     if quantity_of(name.base):
         return name
     for count in (3, 2, 1):
-        stem, tail = "_".join(words[:-count]), "_".join(words[-count:])
+        stem, tail = "_".join(words[:-count]).removesuffix("_in"), "_".join(words[-count:])
         meaning = quantity_of(stem)
         if meaning is None or (len(tail) == 1 and _ONE_LETTER.get(tail) != meaning[0]):
             continue

@@ -12,6 +12,7 @@ _LENGTH = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6}
 _ANGLE = {
     **{"rad": 1.0, "rads": 1.0, "radian": 1.0, "radians": 1.0, "mrad": 1e-3, "urad": 1e-6},
     **{"deg": _DEG, "degs": _DEG, "degree": _DEG, "degrees": _DEG, "°": _DEG},
+    "grad": _DEG,
     **{"mdeg": 1e-3 * _DEG, "cdeg": 1e-2 * _DEG, "\ufffd": _DEG},
     **{"rev": _REV, "revs": _REV, "turn": _REV, "turns": _REV, "revolutions": _REV},
     **_LENGTH,
