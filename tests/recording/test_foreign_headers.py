@@ -91,6 +91,44 @@ NUMBERED = {
     "axes": ("t", named("AIPos.A{}", "Vel.A{}", "MsrJntTrq_A{}[Nm]", joints=ONE_TO_SIX)),
     "libfranka": ("time", named("state.q[{}]", "state.dq[{}]", "state.tau_J[{}]")),
     "upper case": ("TIME", named("POS{}", "VEL{}", "TORQUE{}", joints=ONE_TO_SIX)),
+    "a prismatic joint": (
+        "time [s]",
+        [
+            *named("J{}_pos", "J{}_vel", joints=ONE_TO_SIX),
+            *(f"J{k}_{'force [N]' if k == 3 else 'torque [Nm]'}" for k in ONE_TO_SIX),
+        ],
+    ),
+    "letters of DH tables": (
+        "t",
+        [
+            "q1",
+            "q2",
+            "d3",
+            *named("q{}", joints=(4, 5, 6)),
+            *named("dq{}", joints=ONE_TO_SIX),
+            *named("tau{}", joints=(1, 2)),
+            "f3",
+            *named("tau{}", joints=(4, 5, 6)),
+        ],
+    ),
+    "KRL": (
+        "t",
+        named("$AXIS_ACT.A{}", "$VEL_AXIS_ACT[{}]", "$TORQUE_AXIS_ACT[{}]", joints=ONE_TO_SIX),
+    ),
+    "German": (
+        "Zeit in s",
+        named(
+            "Achse {} Istposition",
+            "Achse {} Istgeschwindigkeit",
+            "Ist-Moment A{} [Nm]",
+            joints=ONE_TO_SIX,
+        ),
+    ),
+    "French": (
+        "Temps [s]",
+        named("Position axe {}", "Vitesse axe {}", "Couple axe {} [N.m]", joints=ONE_TO_SIX),
+    ),
+    "short": ("t", named("J{}_ANG", "vel_J{}", "tor_J{}", joints=ONE_TO_SIX)),
     "camel case": ("Timestamp", named("JointPos{}", "JointVel{}", "JointTorque{}")),
 }
 
@@ -372,6 +410,112 @@ def test_units_of_a_line_of_their_own(tmp_path: Path, degrees: str, sign: str) -
     ).read_text()
     (tmp_path / "x.csv").write_text(",".join(names) + "\n" + rows)
     check(tmp_path / "x.csv")
+
+
+GROUPED = {
+    "a quantity": (
+        [
+            "Time",
+            *(x for name in ("Position", "Velocity", "Torque [Nm]") for x in [name] + [""] * 5),
+        ],
+        ["", *named("J{}", joints=ONE_TO_SIX) * 3],
+    ),
+    "repeated": (
+        ["Time", *["Position [rad]"] * 6, *["Velocity"] * 6, *["Torque"] * 6],
+        ["[s]", *UR_JOINTS * 3],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", GROUPED)
+def test_names_under_a_line_of_groups(tmp_path: Path, case: str) -> None:
+    groups, names = GROUPED[case]
+    t, q, qd, effort = truth()
+    path = write(tmp_path / "x.csv", names, t, q, qd, effort)
+    path.write_text(",".join(groups) + "\n" + path.read_text())
+    check(path)
+
+
+def test_names_under_groups_of_joints(tmp_path: Path) -> None:
+    t, *signals = truth()
+    groups = ["Time", *(x for k in ONE_TO_SIX for x in (f"Axis {k}", "", ""))]
+    names = ["s", *["Position", "Velocity", "Torque"] * 6]
+    by_joint = np.stack(signals, axis=2).reshape(len(t), 18)
+    path = write(tmp_path / "x.csv", names, t, by_joint)
+    path.write_text(",".join(groups) + "\n" + path.read_text())
+    check(path)
+
+
+LONG = {
+    "numbers": ([str(k) for k in ONE_TO_SIX], "joint"),
+    "names": (list(UR_JOINTS), "joint_name"),
+}
+
+
+@pytest.mark.parametrize("case", LONG)
+@pytest.mark.parametrize("by_joint", [False, True])
+def test_a_row_a_joint(tmp_path: Path, case: str, by_joint: bool) -> None:
+    labels, word = LONG[case]
+    t, q, qd, effort = truth()
+    places = [(i, k) for i in range(len(t)) for k in SIX]
+    if by_joint:
+        places.sort(key=lambda place: place[1])
+    i, k = np.array(places).T
+    names = ["time", word, "q", "dq", "tau"]
+    columns = t[i], [labels[joint] for joint in k], q[i, k], qd[i, k], effort[i, k]
+    check(write(tmp_path / "x.csv", names, *columns))
+
+
+def test_a_row_a_signal(tmp_path: Path) -> None:
+    t, q, _, effort = truth()
+    names = named("J{}.position", "J{}.torque", joints=ONE_TO_SIX)
+    values = np.hstack([q, effort])
+    columns = np.repeat(t, 12), names * len(t), values.ravel()
+    check(write(tmp_path / "x.csv", ["timestamp", "signal", "value"], *columns))
+
+
+@pytest.mark.parametrize("own_times", [False, True])
+def test_a_row_a_joint_without_rows_of_one_time_is_refused(tmp_path: Path, own_times: bool) -> None:
+    """Each joint's rows have other times than the others', or a joint has two rows of a time."""
+    t, q, _, effort = truth()
+    labels = [str(k) for k in ONE_TO_SIX] * len(t)
+    times = np.repeat(t, 6)
+    times = times + np.tile(np.arange(6) * 1e-4, len(t)) if own_times else np.repeat(t[::2], 12)
+    columns = times, labels, q.ravel(), effort.ravel()
+    path = write(tmp_path / "x.csv", ["time", "joint", "q", "tau"], *columns)
+    with pytest.raises(RecordError) as refused:
+        read_recording(path)
+    given = 6 * len(t)
+    times = given if own_times else len(t) // 2
+    assert refused.value.value == f"{given} rows of 6 at {times} times"
+
+
+def test_pairs_of_time_and_value(tmp_path: Path) -> None:
+    """As TwinCAT Scope exports them."""
+    t, q, qd, effort = truth()
+    names = named("Axis{}.ActPos", "Axis{}.ActVelo", "Axis{}.ActTorque", joints=ONE_TO_SIX)
+    values = np.hstack([q, qd, effort])
+    pairs = np.stack([np.repeat(1e3 * t[:, None], 18, axis=1), values], axis=2)
+    path = write(tmp_path / "x.csv", [], pairs.reshape(len(t), 36), by="\t")
+    rows = path.read_text()
+
+    lines = [("Name", names), ("Port", ["851"] * 18), ("SampleTime[ms]", ["8"] * 18)]
+    head = ["\t".join(x for value in line for x in (word, value)) for word, line in lines]
+    path.write_text("\n".join(["Name\tYT Scope", "", *head, "", rows]))
+    check(path)
+
+
+def test_a_measurement_of_labview(tmp_path: Path) -> None:
+    t, q, qd, effort = truth()
+    names = ["X_Value", *named("q{}", "dq{}", "tau{}", joints=ONE_TO_SIX), "Comment"]
+    path = write(tmp_path / "x.lvm", names, t, q, qd, effort, by="\t")
+    head = [
+        *("LabVIEW Measurement", "Separator\tTab", "***End_of_Header***\t", "Channels\t18"),
+        *("Date" + "\t2026/03/01" * 18, "Time" + "\t08:00:00.0" * 18, "X0" + "\t0.0" * 18),
+        "***End_of_Header***" + "\t" * 18,
+    ]
+    path.write_text("\n".join(head) + "\n" + path.read_text())
+    check(path)
 
 
 def test_units_are_converted_where_the_user_names_the_columns(tmp_path: Path) -> None:

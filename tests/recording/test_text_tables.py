@@ -97,6 +97,41 @@ def test_decimal_comma(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("group", "decimal", "cell", "delimiter"),
+    [
+        (",", ".", "{}", ";"),
+        (".", ",", "{}", ";"),
+        ("\u00a0", ",", "{}", ";"),
+        ("'", ".", "{}", "\t"),
+        (",", ".", '"{}"', ","),
+        ("", ",", '"{}"', ","),
+    ],
+)
+@pytest.mark.parametrize("offset", [0.0, 900.0])
+def test_thousands_and_commas_in_quotes(
+    tmp_path: Path, group: str, decimal: str, cell: str, delimiter: str, offset: float
+) -> None:
+    """Numbers from 1000 on have separators, from the first row on or later."""
+    motion = Motion(start=offset, samples=1200)
+    table = motion.table() * 1.0
+    table[:, 13:] *= 1e3
+
+    def write(value: float) -> str:
+        text = f"{value:,.6f}".replace(",", "_").replace(".", decimal).replace("_", group)
+        return cell.format(text) if delimiter in text or offset == 0 else text
+
+    names = [f"{name}{k}" for name in ("q", "dq", "tau") for k in range(1, 7)]
+    rows = [delimiter.join(["t", *(n + " [mNm]" * n.startswith("tau") for n in names)])]
+    rows += [delimiter.join(map(write, row)) for row in table]
+    (tmp_path / "x.csv").write_bytes("\n".join(rows).encode("cp1252"))
+    record = read_recording(tmp_path / "x.csv")
+    np.testing.assert_allclose(record.t, motion.t - motion.t[0], atol=1e-6)
+    np.testing.assert_allclose(record.signals["q"], table[:, 1:7], atol=1e-6)
+    np.testing.assert_allclose(record.signals["effort"], table[:, 13:] / 1e3, atol=1e-6)
+    assert not codes(record)
+
+
+@pytest.mark.parametrize(
     "change",
     [
         lambda text: text.replace("\n", "\r\n"),

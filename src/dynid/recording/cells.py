@@ -81,8 +81,16 @@ _MISSING = frozenset(
 )
 _WINDOWS_NAN = ("1.#", "-1.#", "nan(", "-nan(")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
+_GROUPED = {
+    sign: re.compile(
+        rf"[+-]?\d{{1,3}}(?:(?:[{sure}]\d{{3}})+[{sign}]?|(?:[{doubtful}]\d{{3}})+[{sign}])\d*"
+    )
+    for sign, sure, doubtful in ((".", "'", ", "), (",", " '", "."))
+}
+"""Decimal sign to numbers in groups of three digits; nobody knows whether `1,234` alone is one."""
+_BLANKS = str.maketrans({"\u00a0": " ", "\u202f": " ", "\u2019": "'"})
 _DOUBLE = re.compile(r"(?<=\d)(\.?)[dD](?=[+-]?\d+$)")
-_NAME = re.compile(r"[\"'#%/\s]*[A-Za-z_]")
+_NAME = re.compile(r"[\"'#%/$\s]*[A-Za-z_]")
 
 
 def is_missing(cell: str) -> bool:
@@ -97,6 +105,7 @@ def number(cell: str, decimal: str = ".") -> float:
     Raises:
         ValueError: The cell is neither a number nor a sign for a missing value.
     """
+    cell = cell.translate(_BLANKS) if not cell.isascii() else cell
     # float() takes 1_000 and digits of other scripts; no recorder writes them.
     if not cell.isascii() or "_" in cell:
         raise ValueError(cell)
@@ -106,6 +115,8 @@ def number(cell: str, decimal: str = ".") -> float:
         if is_missing(cell):
             return math.nan
         text = cell.strip().strip("\"'")
+        if _GROUPED[decimal].fullmatch(text):
+            text = re.sub(f"[^0-9+{decimal}-]", "", text)
         if decimal == "," and _DECIMAL_COMMA.fullmatch(text):
             text = text.replace(",", ".")
         # Fortran writes 1.5D-03.

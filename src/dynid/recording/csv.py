@@ -3,20 +3,23 @@
 Files of one run stand side by side row by row, or each has a clock of its own.
 """
 
+import re
+import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import chain, combinations, islice
 from pathlib import Path
 
 import numpy as np
 
 from dynid.core import Finding, RecordError
+from dynid.recording.cells import split
 from dynid.recording.clocks import at_times, rises
 from dynid.recording.columns import assign
 from dynid.recording.content import Budget
-from dynid.recording.dialect import Dialect, sniff
+from dynid.recording.dialect import Dialect, line_blocks, sniff
 from dynid.recording.grid import Grid, read_grid
-from dynid.recording.names import OTHER, TARGET, TARGET_OF, parse_name, quantity_of
+from dynid.recording.names import OTHER, TARGET, TARGET_OF, parse_name, plainly, quantity_of
 from dynid.recording.table import Mask, RawTable, ReadOptions, rows_with
 
 _FARTHEST = 1.5
@@ -244,6 +247,51 @@ def quantity_word(stem: str) -> str:
     return f"desired_{word}" if asked and not word.startswith("desired") else word
 
 
+_KEY = re.compile("(joint|axis|achse|axe)(_id|_index|_name|_number)?|signal")
+"""The name of a column that says of which joint, or signal, a row is."""
+
+
+def _widened(table: Dialect, folder: Path) -> Dialect:
+    """A table of a row a joint (or signal) as a new file of a row a time, any other as it is.
+
+    Raises:
+        RecordError: There is not one row of each joint at most times.
+    """
+    names = table.names or ()
+    keys = [k for k, name in enumerate(names) if _KEY.fullmatch(plainly(name))]
+    clocks = [k for k, name in enumerate(names) if parse_name(name).quantity == "t"]
+    if len(keys) != 1 or len(clocks) != 1:
+        return table
+    key, clock = keys[0], clocks[0]
+    values = [k for k in range(table.width) if k not in (key, clock)]
+    rows: dict[str, dict[str, str]] = {}
+    labels: dict[str, int] = {}
+    lines = chain.from_iterable(block for block, _ in line_blocks(table.path, table.encoding))
+    for line in islice(lines, table.first_row, None):
+        cells = split(table.row(line), table.delimiter)
+        if len(cells) == table.width:
+            label = cells[key].strip(" \"'")
+            labels[label] = labels.get(label, 0) + 1
+            rows.setdefault(cells[clock], {})[label] = "\t".join(cells[k] for k in values)
+    found, given = sum(map(len, rows.values())), sum(labels.values())
+    if found < given or 4 * found < len(rows) * len(labels):
+        raise RecordError(
+            f"{names[clock]} does not say which rows of {names[key]} belong together",
+            where=table.path.name,
+            value=f"{given} rows of {len(labels)} at {len(rows)} times",
+            next_step="Write one row a time, with a column a joint.",
+        )
+    alone = len(values) == 1 and plainly(names[values[0]]) == "value"
+    wide = [label if alone else f"{label}/{names[k]}" for label in labels for k in values]
+    blank = "\t" * (len(values) - 1)
+    target = folder / table.path.name
+    with target.open("w", encoding="utf-8") as file:
+        file.write("\t".join([names[clock], *wide]) + "\n")
+        for time, row in rows.items():
+            file.write("\t".join([time, *(row.get(label, blank) for label in labels)]) + "\n")
+    return sniff(target, header=True, delimiter="\t")
+
+
 _MAX_CHANNELS = 128
 _MAX_CHANNEL_CELLS = 20_000_000
 
@@ -259,11 +307,17 @@ def read_csv(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
         RecordError: No rows of numbers, columns that do not exist, or files whose rows do not
             belong together.
     """
+    tables = [sniff(p, header=options.header, delimiter=options.delimiter) for p in paths]
+    if len(tables) > 1 or options.columns is not None:
+        return _read(tables, options)
+    with tempfile.TemporaryDirectory(prefix="dynid-") as folder:
+        budget.require_space(folder)
+        return _read([_widened(tables[0], Path(folder))], options)
+
+
+def _read(tables: list[Dialect], options: ReadOptions) -> RawTable:
     joints, columns, format = options.joints, options.columns, options.format
-    count = len(joints) or None
-    sheets = lay_side_by_side(
-        [sniff(p, header=options.header, delimiter=options.delimiter) for p in paths], count
-    )
+    sheets = lay_side_by_side(tables, len(joints) or None)
     width = sum(sheet.width for sheet in sheets)
     names = _all_names(sheets)
     notes: tuple[str, ...] = tuple(

@@ -10,6 +10,7 @@ from pathlib import Path
 from dynid.core import RecordError
 from dynid.recording.cells import count, is_missing, is_name, is_number, is_stamp, split
 from dynid.recording.content import first_bytes, unreadable
+from dynid.recording.names import parse_name
 from dynid.recording.units import is_unit
 
 MAX_LINE = 1 << 20
@@ -19,7 +20,7 @@ UNREADABLE = "\ufffd"
 _BLOCK = 1 << 20
 _MOST_SNIFFED = 4 << 20
 _TEXT = bytes([*range(9, 14), *range(32, 127)])
-_LETTERS = frozenset("°²³µ·äöüÄÖÜßéèàçñ±".encode("cp1252"))
+_LETTERS = frozenset("°²³µ·äöüÄÖÜßéèàçñ±\u00a0\u2019".encode("cp1252"))
 SNIFFED = 1 << 16
 """Bytes from the start of a file that tell its encoding."""
 
@@ -121,11 +122,20 @@ def _has_lists(line: str) -> bool:
     )
 
 
-def flatten(line: str, delimiter: str) -> str:
+def _flatten(line: str, delimiter: str) -> str:
     """A row with the items of its lists as cells of their own, and without quotes."""
     return _LIST.sub(
         lambda match: delimiter.join(_items(match.group(1))), _ARRAY.sub(r"\1", line)
     ).replace('"', "")
+
+
+_QUOTED = re.compile(r'"((?:[^"]|"")*)"')
+_COMMA_IN_QUOTES = re.compile(r'(?:^|,)"[^"]*,[^"]*"(?:,|$)')
+
+
+def _unquoted(line: str) -> str:
+    """A row between commas, with tabs between its cells and without quotes."""
+    return re.sub(f"{_QUOTED.pattern}|,", lambda m: "\t" if m[0] == "," else m[1], line)
 
 
 def _widths(line: str, delimiter: str) -> list[int]:
@@ -224,6 +234,19 @@ class Dialect:
     """Joint names that stand in the rows themselves, if any."""
     joint_cells: str
     """Those names as they stand in a row, from the first to the last."""
+    quoted: bool
+    """Whether commas stand within cells, which are in quotes."""
+
+    def row(self, line: str) -> str:
+        """A row as it is split at the delimiter: without commas in quotes, a cell an item."""
+        if self.quoted:
+            return _unquoted(line)
+        if self.lists:
+            return _flatten(line, self.delimiter)
+        if self.delimiter == "," and '"' in line:
+            # Thousands, in a table whose first rows have none.
+            return _QUOTED.sub(lambda match: match[1].replace(",", ""), line)
+        return line
 
 
 def _delimiter_of(given: str | None) -> str | None:
@@ -255,7 +278,11 @@ def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
     if lists:
         # Between cells of which some are lists semicolon and tab are sure ones.
         signs = (given or next((sign for sign in ";\t" if sign in line), ",") for line in written)
-        lines = [flatten(line, sign) for line, sign in zip(written, signs, strict=True)]
+        lines = [_flatten(line, sign) for line, sign in zip(written, signs, strict=True)]
+    quoted = not lists and given in (None, ",") and any(map(_COMMA_IN_QUOTES.search, written))
+    if quoted:
+        given, written = "\t", [_unquoted(line) for line in written]
+        lines = written
     best, sign, width = _best(lines[:_SCORED], DELIMITERS if given is None else (given,))
     if width == 0:
         raise RecordError(
@@ -296,6 +323,7 @@ def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
         stamps=stamps,
         lists=lists,
         joint_names=tuple(whole[0][k].strip() for k in named),
+        quoted=quoted,
         joint_cells=best.join(whole[0][named[0] : named[-1] + 1]) if named else "",
     )
 
@@ -330,16 +358,20 @@ def _first_row(
     start = 0
     if header:
         start = 1 + next((k for k, x in enumerate(lines) if x.strip()), 0)
+    rows = [cells for cells in (split(x, delimiter) for x in lines) if len(cells) == width]
+    numbered = 2 * sum(is_name(row[0]) for row in rows) <= len(rows)
     for k, line in enumerate(lines[start:], start):
         if not line.strip() or line.lstrip().startswith(COMMENT):
             continue
         cells = split(line, delimiter)
-        # `Sampling rate,125` above a wide table is no row of it.
-        titled = len(cells) != width and any(map(is_name, cells))
+        # `Sampling rate,125` above a wide table is no row of it, nor is `X0,0,0` of one of numbers.
+        titled = numbered and is_name(cells[0])
+        titled |= len(cells) != width and any(map(is_name, cells))
         if header is False or (_is_data(*count(cells, decimal)) and not titled):
             return k
         # A damaged first row is a row, not a header: a header is made of names, or of units.
-        named = 2 * sum(map(is_name, cells)) >= len(cells)
+        numbers, present = count(cells, decimal)
+        named = titled or numbers == 0 or 2 * sum(map(is_name, cells)) >= present
         if header is None and not (named or _are_units(cells)):
             return k
     return start
@@ -348,6 +380,18 @@ def _first_row(
 def _are_units(cells: list[str]) -> bool:
     """Whether a line holds only units, which may stand in brackets or quotes."""
     return all(map(is_unit, filter(None, (cell.strip("\"'[]() ") for cell in cells))))
+
+
+def _grouped(groups: list[str], cells: list[str]) -> list[str]:
+    """Names under a line of groups, each above the first of its columns, as paths."""
+    found: list[str] = []
+    group = ""
+    for above, cell in zip(groups, cells, strict=True):
+        group = above or (group if cell else "")
+        inner, outer = (cell, group) if parse_name(cell).meaning else (group, cell)
+        unit = cell.strip("[]()") if group and is_unit(cell.strip("[]()")) else ""
+        found.append(f"{group} [{unit}]" if unit else "/".join(filter(None, (outer, inner))))
+    return found
 
 
 def _names(
@@ -359,9 +403,15 @@ def _names(
     """
     misfit: tuple[str, ...] | None = None
     units = [""] * width
-    for line in reversed(above):
-        text = line.strip().lstrip("#%/ ") if line.lstrip().startswith(COMMENT) else line
-        cells = [cell.strip().strip("\"'").strip() for cell in split(text, delimiter)]
+    plain = [x.strip().lstrip("#%/ ") if x.lstrip().startswith(COMMENT) else x for x in above]
+    table = [[cell.strip().strip("\"'").strip() for cell in split(x, delimiter)] for x in plain]
+    steps = {x for row in table if row[0].startswith("SampleTime") for x in row[1::2]}
+    for cells in table:
+        if len(cells) == width > 1 and {*cells[::2]} == {"Name"} and len(steps) < 2:
+            # TwinCAT Scope: a pair of time and value a signal, at the same times.
+            cells[::2] = ["Time [ms]", *[""] * (width // 2 - 1)]
+            return tuple(cells)
+    for k, cells in reversed(list(enumerate(table))):
         if not any(cells):
             continue
         if _are_units(cells):
@@ -370,13 +420,18 @@ def _names(
         if len(cells) == width - 1 and delimiter != " ":
             # Rows that end in a delimiter have one empty cell more than the header.
             cells.append("")
+        if len(cells) == width + 1 and cells[-1] in ("", "Comment"):
+            # LabVIEW has no cell of this column in rows without a comment.
+            cells.pop()
         wide = _spread(cells, sizes) if sizes else None
         if wide is not None and len(wide) == width:
             cells = list(wide)
         elif len(cells) != width or not (forced or 2 * sum(map(is_name, cells)) >= width - 1):
-            if misfit is None and not line.lstrip().startswith(COMMENT) and len(cells) > 1:
+            if misfit is None and not above[k].lstrip().startswith(COMMENT) and len(cells) > 1:
                 misfit = tuple(cells)
             continue
+        if k > 0 and len(table[k - 1]) == width and len({*cells}) < sum(map(bool, cells)):
+            cells = _grouped(table[k - 1], cells)
         pairs = zip(cells, units, strict=True)
         return tuple(f"{name} [{unit}]" if unit else name for name, unit in pairs)
     return misfit

@@ -8,7 +8,7 @@ import numpy as np
 
 from dynid.core import Array, Finding, RecordError, printable
 from dynid.recording.cells import decimals, is_missing, number, split, stamp
-from dynid.recording.dialect import COMMENT, Dialect, flatten, line_blocks
+from dynid.recording.dialect import COMMENT, Dialect, line_blocks
 from dynid.recording.table import Mask, Rows
 
 
@@ -192,7 +192,7 @@ def read_grid(dialect: Dialect, wanted: list[int], soft: frozenset[int] = frozen
                 continue
             if line.lstrip().startswith(COMMENT):
                 continue
-            row = flatten(line, dialect.delimiter) if dialect.lists else line
+            row = dialect.row(line)
             named = dialect.joint_cells in row
             if not named and len(split(row, dialect.delimiter)) == dialect.width:
                 # It has other joint names than the first, or in another order.
