@@ -183,6 +183,16 @@ def test_a_common_delay_is_measured(tmp_path: Path, late: int) -> None:
     assert found.value == pytest.approx(late / RATE, abs=0.003)
 
 
+@pytest.mark.parametrize(("share", "severity"), [(0.9, "info"), (0.0, "warning")])
+def test_a_delay_that_the_model_takes_out_is_no_fault(
+    tmp_path: Path, share: float, severity: str
+) -> None:
+    late = 5
+    settings = ProcessingSettings(delays_s=(share * late / RATE,) * 6)
+    found = diagnose([recording(Wrong(late=late, seconds=40.0))], arm(tmp_path), settings)
+    assert {f.severity for f in found if f.kind == "delay" and f.value} == {severity}
+
+
 def test_torques_of_one_joint_alone_do_not_lead(tmp_path: Path) -> None:
     record = recording(Wrong(seconds=40.0))
     effort = record.signals["effort"].copy()

@@ -8,6 +8,7 @@ import numpy as np
 from dynid.core import Array, Finding
 from dynid.diagnosis.events import Contact, clock_scale, ripple, rows_of, untouched
 from dynid.diagnosis.explain import Explained, Explanation, explain
+from dynid.diagnosis.hypotheses import LEAST_DELAY_S
 from dynid.diagnosis.residual import ROWS, Recording, inertial_prior, reference
 from dynid.recording import ExperimentRecord, at_limit
 from dynid.robot import RobotModel
@@ -92,7 +93,8 @@ def diagnose(
     Args:
         records: The recordings that a model was identified from.
         robot: The robot as it was told.
-        settings: Their window; delays, periods and cut-off are not used: nothing is hidden.
+        settings: Their window, and the delays that the model takes out: these are information.
+            Periods and cut-off are not used: nothing is hidden.
 
     Returns:
         Errors first. Of several recordings, each kind of fault once, as the recording shows it
@@ -129,7 +131,18 @@ def diagnose(
     kinds = {pair[1][0].kind for pair in ranked}
     # The clock shows itself in two ways.
     rest = [f for f in others if not (f.kind == "clock_scale" and f.kind in kinds)]
-    return (*(finding for _, pair in ranked for finding in pair), *dict.fromkeys(rest))
+    faults = (finding for _, pair in ranked for finding in pair)
+    return (*(_compensated(f, settings.delays_s) for f in faults), *dict.fromkeys(rest))
+
+
+def _compensated(finding: Finding, delays_s: Sequence[float] | None) -> Finding:
+    """A delay as information where less of it is left than is looked for; others as they are."""
+    if finding.kind != "delay" or finding.value is None or delays_s is None:
+        return finding
+    left = [abs(finding.value - delays_s[j]) for j in finding.joints or range(len(delays_s))]
+    if max(left) > LEAST_DELAY_S:
+        return finding
+    return replace(finding, severity="info", text=f"{finding.text}, compensated", next_step="")
 
 
 def findings_of(record: ExperimentRecord, robot: RobotModel) -> tuple[Finding, ...]:

@@ -20,6 +20,7 @@ Undo = Callable[[Recording, Array], Recording]
 
 PAYLOAD, LEVER_M = 0.1, 0.1
 """Mass that an arm is expected to carry, share of its own, and how far from the flange [m]."""
+LEAST_DELAY_S = 0.006
 LEAST_ARM_M = 0.02
 """Shorter offsets between joints have no length that could be wrong."""
 
@@ -133,7 +134,7 @@ def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hy
     rec, n = torques.rec, torques.joints
     every, step = tuple(range(n)), float(rec.t[1] - rec.t[0])
     yield Hypothesis(
-        kind="delay", joints=every, unit="s", width=np.array([0.05]), least=0.006,
+        kind="delay", joints=every, unit="s", width=np.array([0.05]), least=LEAST_DELAY_S,
         columns=torques.columns(-np.gradient(torques.smooth, step, axis=0)),
         undo=lambda r, x: replace(r, tau=_shifted(r, float(x[0]), every)),
     )  # fmt: skip
@@ -187,7 +188,7 @@ def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
         lowest=-1.0,
     )  # fmt: skip
     yield Hypothesis(
-        kind="delay", joints=(j,), unit="s", width=np.array([0.05]), least=0.006,
+        kind="delay", joints=(j,), unit="s", width=np.array([0.05]), least=LEAST_DELAY_S,
         columns=torques.columns(_only(-np.gradient(torques.smooth, step, axis=0), j)),
         undo=lambda r, x: replace(r, tau=_shifted(r, float(x[0]), (j,))),
         # A lead cannot be told from stiction before a reversal.
