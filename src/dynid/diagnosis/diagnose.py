@@ -93,8 +93,7 @@ def diagnose(
     Args:
         records: The recordings that a model was identified from.
         robot: The robot as it was told.
-        settings: Their window, and the delays that the model takes out: these are information.
-            Periods and cut-off are not used: nothing is hidden.
+        settings: Their window, and the delays that the model takes out; nothing else is hidden.
 
     Returns:
         Errors first. Of several recordings, each kind of fault once, as the recording shows it

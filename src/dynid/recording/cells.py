@@ -82,10 +82,8 @@ _MISSING = frozenset(
 _WINDOWS_NAN = ("1.#", "-1.#", "nan(", "-nan(")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 _GROUPED = {
-    sign: re.compile(
-        rf"[+-]?\d{{1,3}}(?:(?:[{sure}]\d{{3}})+[{sign}]?|(?:[{doubtful}]\d{{3}})+[{sign}])\d*"
-    )
-    for sign, sure, doubtful in ((".", "'", ", "), (",", " '", "."))
+    dot: re.compile(rf"[+-]?\d{{1,3}}((?:[{a}]\d{{3}})+[{dot}]?|(?:[{b}]\d{{3}})+[{dot}])\d*")
+    for dot, a, b in ((".", "'", ", "), (",", " '", "."))
 }
 """Decimal sign to numbers in groups of three digits; nobody knows whether `1,234` alone is one."""
 _BLANKS = str.maketrans({"\u00a0": " ", "\u202f": " ", "\u2019": "'"})

@@ -275,20 +275,16 @@ def _widened(table: Dialect, folder: Path) -> Dialect:
             rows.setdefault(cells[clock], {})[label] = "\t".join(cells[k] for k in values)
     found, given = sum(map(len, rows.values())), sum(labels.values())
     if found < given or 4 * found < len(rows) * len(labels):
-        raise RecordError(
-            f"{names[clock]} does not say which rows of {names[key]} belong together",
-            where=table.path.name,
-            value=f"{given} rows of {len(labels)} at {len(rows)} times",
-            next_step="Write one row a time, with a column a joint.",
-        )
+        text = f"{names[clock]} does not say which rows of {names[key]} belong together"
+        value = f"{given} rows of {len(labels)} at {len(rows)} times"
+        raise RecordError(text, value=value, next_step="Write one row a time, a column a joint.")
     alone = len(values) == 1 and plainly(names[values[0]]) == "value"
     wide = [label if alone else f"{label}/{names[k]}" for label in labels for k in values]
     blank = "\t" * (len(values) - 1)
+    cells = ([time, *(row.get(x, blank) for x in labels)] for time, row in rows.items())
     target = folder / table.path.name
     with target.open("w", encoding="utf-8") as file:
-        file.write("\t".join([names[clock], *wide]) + "\n")
-        for time, row in rows.items():
-            file.write("\t".join([time, *(row.get(label, blank) for label in labels)]) + "\n")
+        file.writelines("\t".join(row) + "\n" for row in chain([[names[clock], *wide]], cells))
     return sniff(target, header=True, delimiter="\t")
 
 
@@ -308,11 +304,11 @@ def read_csv(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             belong together.
     """
     tables = [sniff(p, header=options.header, delimiter=options.delimiter) for p in paths]
-    if len(tables) > 1 or options.columns is not None:
-        return _read(tables, options)
     with tempfile.TemporaryDirectory(prefix="dynid-") as folder:
-        budget.require_space(folder)
-        return _read([_widened(tables[0], Path(folder))], options)
+        if len(tables) == 1 and options.columns is None:
+            budget.require_space(folder)
+            tables = [_widened(tables[0], Path(folder))]
+        return _read(tables, options)
 
 
 def _read(tables: list[Dialect], options: ReadOptions) -> RawTable:

@@ -384,8 +384,7 @@ def _are_units(cells: list[str]) -> bool:
 
 def _grouped(groups: list[str], cells: list[str]) -> list[str]:
     """Names under a line of groups, each above the first of its columns, as paths."""
-    found: list[str] = []
-    group = ""
+    group, found = "", list[str]()
     for above, cell in zip(groups, cells, strict=True):
         group = above or (group if cell else "")
         inner, outer = (cell, group) if parse_name(cell).meaning else (group, cell)
@@ -420,9 +419,8 @@ def _names(
         if len(cells) == width - 1 and delimiter != " ":
             # Rows that end in a delimiter have one empty cell more than the header.
             cells.append("")
-        if len(cells) == width + 1 and cells[-1] in ("", "Comment"):
-            # LabVIEW has no cell of this column in rows without a comment.
-            cells.pop()
+        if cells[width:] == ["Comment"]:
+            cells.pop()  # LabVIEW has no cell of it in rows without a comment.
         wide = _spread(cells, sizes) if sizes else None
         if wide is not None and len(wide) == width:
             cells = list(wide)

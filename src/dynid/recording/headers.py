@@ -102,9 +102,7 @@ def _collect(names: Iterable[Name]) -> dict[str, list[Family]]:
         for family in grouped.get(quantity, []):
             for other in list(grouped.get("", [])):
                 both = Family(members=[*family.members, *other.members])
-                joints = {name.joint or name.index for name, _ in both.members}
-                like = other.scope == family.scope and words & {*other.base.split("_")}
-                if like and both.whole and len(joints) == len(both.members):
+                if both.whole and words & {*other.base.split("_")} and other.scope == family.scope:
                     family.members = both.members
                     grouped[""].remove(other)
     return grouped
@@ -130,7 +128,7 @@ def by_rows(columns: Mapping[str, Sequence[int]]) -> str:
     return f"Leave the time out and give the clock: --columns {spelled(kept)} --rate HZ."
 
 
-_TORQUE_STEMS = ("torque", "tau", "effort", "current", "cur", "force")
+_TORQUE_STEMS = ("torque", "tau", "effort", "current", "cur")
 _NOT_MEASURED = words_of(
     "ext external error err gravity grav friction coriolis residual model estimated est predicted "
     "feedforward ff limit limits max min bias offset hat voltage cmd command desired target "

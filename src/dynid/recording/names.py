@@ -20,7 +20,7 @@ _SYNONYMS: dict[str, str] = {
     "t": (
         "t time timestamp time_stamp stamp timestamps times sec secs second seconds elapsed "
         "elapsed_time time_s t_s rostime controller_time rec_time time_cont rosbag_timestamp "
-        "datetime date_time zeit zeitstempel tempo temps_s ipoc x_value"
+        "datetime date_time zeit zeitstempel tempo ipoc x_value"
     ),
     "q": (
         "q position positions pos jointpos angle angles theta qpos axisqmsr axis_act ai_pos aipos "
@@ -165,10 +165,9 @@ class Name:
         around = {word for part in self.scope.split(".") for word in part.split("_")}
         if around & OTHER:
             return None
-        found = quantity_of(self.base)
-        if self.base == "temps" and self.index is None:
-            # French for time; with a number, temperatures.
-            return RANK["temps_s"]
+        # `Temps` is French for time; with a number it is a temperature.
+        french = self.base == "temps" and self.index is None
+        found = RANK["t"] if french else quantity_of(self.base)
         if found and around & TARGET and found[0] in TARGET_OF:
             return TARGET_OF[found[0]], found[1]
         return found
@@ -208,8 +207,7 @@ def parse_name(text: str, joints: Sequence[str] = ()) -> Name:
         index, parts[-1] = int(match.group(2)), match.group(1)
     if index is None and not inside and parts and (match := _INDEX_ALONE.fullmatch(parts[-1])):
         # `Axis1.ActPos`: a number as much as `ActPos1`.
-        index = int(match.group(1))
-        parts.pop()
+        index, _ = int(match.group(1)), parts.pop()
     joint = ""
     if index is None and inside:
         # `position[elbow_joint]`; it is a unit after all where all columns have the same.

@@ -12,8 +12,7 @@ _LENGTH = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6}
 _ANGLE = {
     **{"rad": 1.0, "rads": 1.0, "radian": 1.0, "radians": 1.0, "mrad": 1e-3, "urad": 1e-6},
     **{"deg": _DEG, "degs": _DEG, "degree": _DEG, "degrees": _DEG, "°": _DEG},
-    "grad": _DEG,
-    **{"mdeg": 1e-3 * _DEG, "cdeg": 1e-2 * _DEG, "\ufffd": _DEG},
+    **{"mdeg": 1e-3 * _DEG, "cdeg": 1e-2 * _DEG, "\ufffd": _DEG, "grad": _DEG},
     **{"rev": _REV, "revs": _REV, "turn": _REV, "turns": _REV, "revolutions": _REV},
     **_LENGTH,
 }
@@ -117,10 +116,8 @@ def refuse_unit(quantity: str, unit: str, column: str) -> RecordError:
 
 def taken_as_it_is(quantity: str, column: str, unit: str) -> Finding:
     """The finding for a unit that is not converted in a column that the user names."""
-    text = (
-        f"{quantity} is taken as it is from {printable(column)!r}, though "
-        f"{printable(unit, 20)!r} is no unit of it"
-    )
+    said, own = printable(column), printable(unit, 20)
+    text = f"{quantity} is taken as it is from {said!r}, though {own!r} is no unit of it"
     return Finding("unit_suspect", text)
 
 

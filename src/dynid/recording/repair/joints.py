@@ -309,10 +309,9 @@ def refuse_degrees(table: RawTable, robot: RobotModel | None) -> RawTable:
     if outside.any():
         excess = np.where(np.isfinite(excess), excess, reach)
         joint = int(np.argmax(np.where(outside, excess, -np.inf)))
-        unit, others = "rad" if turning[joint] else "m", int(outside.sum()) - 1
         table = table.report(
             "unit_suspect",
-            f"{table.label('q', joint)} goes {excess[joint]:.3g} {unit} beyond the limits of "
-            f"{robot.name}, and {others} other joints do: check their units, offsets and order",
+            f"{table.label('q', joint)} goes {excess[joint]:.3g} beyond the limits of "
+            f"{robot.name} ({int(outside.sum())} joints do): check units, offsets and joint order",
         )
     return table
