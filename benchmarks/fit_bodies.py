@@ -146,20 +146,24 @@ def tables(robot: str, meshes: Path) -> str:
         placed = (faces - [a, 0, 0]) @ _turn("x", alpha)
         key = placed.tobytes()
         if key not in _FITTED:
-            _FITTED[key] = fit(placed)
-        for number, (points, radius) in enumerate(_FITTED[key], start=1):
+            _FITTED[key] = robot, fit(placed)
+        owner, bodies = _FITTED[key]
+        for number, (points, radius) in enumerate(bodies, start=1):
             source = [] if lines else [f'source = """{SOURCE}"""']
             lines += ["", "[[body]]", *source]
             lines += [f'name = "{LINKS[k]} {number}"', f'link = "{links[k]}"']
             lines += ['frames = "dh"'] if k else []
+            if owner != robot:
+                lines += [f'points = "{owner}"']
+                continue
             lines += ["points = ["]
             lines += [f"    {(np.round(point, 4) + 0.0).tolist()}," for point in points]
             lines += ["]", f"radius = {radius:.4f}"]
     return "\n".join(lines) + "\n"
 
 
-_FITTED: dict[bytes, list[tuple[np.ndarray, float]]] = {}
-"""Some arms share meshes."""
+_FITTED: dict[bytes, tuple[str, list[tuple[np.ndarray, float]]]] = {}
+"""The arm that a mesh was fitted for first, and its bodies: some arms share meshes."""
 
 
 def check(robot: RobotModel, meshes: Path = MESHES) -> dict[str, Any]:

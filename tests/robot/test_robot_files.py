@@ -213,6 +213,8 @@ BROKEN = {
         "positive radius",
     ),
     "no points": (DH + '[[body]]\nlink="base"\npoints=[]\nradius=1', "given by points"),
+    "points of no arm": (DH + '[[body]]\nlink="base"\npoints="ur99"', "unknown word"),
+    "no such body": (DH + '[[body]]\nname="x"\nlink="base"\npoints="ur5"', "of this name"),
     "flat point": (DH + '[[body]]\nlink="base"\npoints=[[0,0]]\nradius=1', "wrong number"),
     "source": (DH + "source = 3", "'source' must be a text"),
     "key lines": ('"a\\nb" = 1\n' + DH, r"unknown key 'a\?b'"),

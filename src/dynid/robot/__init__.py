@@ -14,7 +14,6 @@ from dynid.robot.kinematics import structural_gravity as structural_gravity
 from dynid.robot.kinematics import with_mount as with_mount
 from dynid.robot.load import BuiltinRobot as BuiltinRobot
 from dynid.robot.load import RobotLike as RobotLike
-from dynid.robot.load import builtin_names as builtin_names
 from dynid.robot.load import load_robot as load_robot
 from dynid.robot.load import robot_from_json as robot_from_json
 from dynid.robot.load import robot_to_json as robot_to_json
@@ -28,6 +27,7 @@ from dynid.robot.model import Tool as Tool
 from dynid.robot.model import direct_drives as direct_drives
 from dynid.robot.model import unknown_limits as unknown_limits
 from dynid.robot.model import with_tool as with_tool
+from dynid.robot.robotfile import builtin_names as builtin_names
 from dynid.robot.transforms import PARAMETERS as PARAMETERS
 from dynid.robot.transforms import PSEUDO_INERTIA_BASIS as PSEUDO_INERTIA_BASIS
 from dynid.robot.transforms import frame_map as frame_map

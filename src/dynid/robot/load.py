@@ -3,19 +3,17 @@
 import math
 import os
 from collections.abc import Mapping, Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from dynid.core import Array, InputError, RobotError, like_named, plain, printable
-from dynid.robot import library
 from dynid.robot.body import Body
 from dynid.robot.kinematics import with_mount
 from dynid.robot.model import Counterbalance, Drives, JointLimits, RobotModel, SafetyLimits
 from dynid.robot.robotfile import MAX_BYTES as MAX_TOML
-from dynid.robot.robotfile import robot_from_toml
+from dynid.robot.robotfile import builtin_file, builtin_names, robot_from_toml
 from dynid.robot.tables import is_there, read_limited, shown_path
 from dynid.robot.urdf import MAX_BYTES as MAX_URDF
 from dynid.robot.urdf import robot_from_urdf
@@ -80,8 +78,7 @@ def _load(name_or_path: str | Path, collision: bool, mesh_dirs: Sequence[Path] =
     text = str(name_or_path)
     names = builtin_names()
     if text.lower() in names:
-        file = resources.files(library) / f"{text.lower()}.toml"
-        return robot_from_toml(file.read_bytes(), Path(f"{text.lower()}.toml"))
+        return robot_from_toml(builtin_file(text.lower()), Path(f"{text.lower()}.toml"))
     path = Path(os.path.expanduser(text))
     if not text.strip() or not is_there(path):
         looks_like_path = "/" in text or path.suffix.lower() in (".urdf", ".toml", ".xml")
@@ -103,12 +100,6 @@ def _load(name_or_path: str | Path, collision: bool, mesh_dirs: Sequence[Path] =
             "the file is too large for a robot file", where=shown_path(path), limit=MAX_TOML
         )
     return robot_from_toml(data, path, collision=collision, mesh_dirs=mesh_dirs)
-
-
-def builtin_names() -> list[str]:
-    """The names of the built-in robots, sorted."""
-    files = resources.files(library).iterdir()
-    return sorted(file.name[:-5] for file in files if file.name.endswith(".toml"))
 
 
 def robot_to_json(robot: RobotModel) -> dict[str, Any]:

@@ -2,13 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dynid.core import Array, RobotError
+from dynid.robot import library
 from dynid.robot.body import Body
 from dynid.robot.dh import CONVENTIONS, MAX_JOINTS, robot_from_chain, robot_from_dh
 from dynid.robot.kinematics import mount_gravity
@@ -127,6 +129,7 @@ def _read_bodies(
         if capsules:
             points = np.array([table.numbers(key, 3) for key in ("start", "end")])
         else:
+            table = _own_or_same(table)
             points = table.rows("points", None, 3)
         found.append(
             Body(
@@ -137,6 +140,22 @@ def _read_bodies(
             )
         )
     return {"bodies": (*robot.bodies, *found)}
+
+
+def _own_or_same(table: TomlTable) -> TomlTable:
+    """The row of a body, or that of the same name of the built-in arm which its points name."""
+    if not isinstance(table.raw("points"), str):
+        return table
+    arm, name = table.text("points", builtin_names()), table.text("name")
+    for row in _bodies_of(arm):
+        if row.text("name") == name:
+            return row
+    raise RobotError(f"{arm} has no body of this name", where=table.where, value=name)
+
+
+@cache
+def _bodies_of(arm: str) -> list[TomlTable]:
+    return tables(parse_toml(builtin_file(arm))["body"], f"body of {arm}", "", _READERS["body"][0])
 
 
 def _read_collision(rows: list[TomlTable], robot: RobotModel) -> dict[str, Any]:
@@ -164,6 +183,17 @@ def _body(mass: float, com: Array, six: Array, frame: Array) -> Array:
     if np.isnan(mass) or np.isnan(com).any():
         return np.array([mass, *[np.nan] * 9])
     return move(from_body(mass, com, central), frame)
+
+
+def builtin_names() -> list[str]:
+    """The names of the built-in robots, sorted."""
+    files = resources.files(library).iterdir()
+    return sorted(file.name[:-5] for file in files if file.name.endswith(".toml"))
+
+
+def builtin_file(name: str) -> bytes:
+    """The robot file of a built-in robot."""
+    return (resources.files(library) / f"{name}.toml").read_bytes()
 
 
 MAX_BYTES = 1_000_000
