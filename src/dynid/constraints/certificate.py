@@ -10,6 +10,7 @@ dense, not proven; `proven` says which kinds are.
 import math
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from dynid.constraints.limits import (
 )
 from dynid.constraints.motion import MotionConstraints
 from dynid.core import Array, InputError, plain
-from dynid.trajectory import Trajectory
+from dynid.trajectory import JointMotion, Trajectory
 
 ROUNDING = 1e-9
 """A limit that is met exactly may be missed by rounding."""
@@ -132,15 +133,10 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
     _add_allowance(worst, constraints, motion.q, motion.dq, motion.ddq)
     proven = ["position", "velocity", "acceleration"] if ends.proven else []
     first = max(64, math.ceil(trajectory.duration * _INTERVALS_HZ))
-    travel = np.maximum(np.abs(ends.lower), np.abs(ends.upper))
+    between = _Between(trajectory, ends)
+    least = partial(least_value, duration=trajectory.duration, first=first, threshold=0.0)
     for kind, (points, limit) in constraints.points.items():
-        found = least_value(
-            lambda t, half, p=points, top=limit: _left(p, top, trajectory, ends, travel, t, half),
-            trajectory.duration,
-            first=first,
-            threshold=0.0,
-            tolerance=_RATIO_WITHIN,
-        )
+        found = least(partial(between.left, points, limit), tolerance=_RATIO_WITHIN)
         item, value = worst[kind], limit * (1.0 - found.value)
         # Shares are sought of what the limit is less its margin.
         seen, sure = (left_over(1.0 - x, item.required) for x in (found.value, found.bound))
@@ -149,15 +145,8 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
     around = constraints.surroundings
     if around is not None:
         for kind, pairs in around.pairs.items():
-            found = least_value(
-                lambda t, half, b=around.bodies, p=pairs: _apart(
-                    b, p, trajectory, ends, travel, t, half
-                ),
-                trajectory.duration,
-                first=first,
-                threshold=0.0,
-                tolerance=_DISTANCE_WITHIN,
-            )
+            apart = partial(between.apart, around.bodies, pairs)
+            found = least(apart, tolerance=_DISTANCE_WITHIN)
             item = worst[kind]
             if found.value < item.room:
                 at = trajectory.evaluate(np.array([found.t])).q
@@ -221,41 +210,38 @@ def _add_allowance(
             worst[kind] = replace(item, margin=min(item.margin, least))
 
 
-def _left(
-    points: MovingPoints,
-    limit: float,
-    trajectory: Trajectory,
-    ends: Extremes,
-    travel: Array,
-    t: Array,
-    half: float,
-) -> tuple[Array, Array]:
-    """Share of a speed limit that is left, and what it cannot fall below.
+@dataclass(frozen=True, slots=True)
+class _Between:
+    """What cannot be missed within `half` [s] either side of times t (N) of a motion."""
 
-    A point's acceleration is at most sum_k r_k |ddq_k| + sum_jk r_max(j,k) |dq_j dq_k|, since a
-    joint's column turns with the joints before it and is turned by those after it.
-    """
-    motion = trajectory.evaluate(t)
-    reach = points.reach(travel)
-    speed = np.minimum(np.abs(motion.dq) + half * ends.acceleration, ends.velocity)
-    # r_max(j,k) summed over pairs: joint k with all before it, twice, and with itself.
-    before = np.cumsum(speed, axis=1) - speed
-    push = speed * (2 * before + speed) + ends.acceleration
-    left = 1.0 - points.norms(motion.q, motion.dq) / limit
-    return left, left - half * (push @ reach) / limit
+    trajectory: Trajectory
+    ends: Extremes
 
+    def _fastest(self, motion: JointMotion, half: float) -> Array:
+        """(N, n) speeds that the joints do not exceed there."""
+        return np.minimum(np.abs(motion.dq) + half * self.ends.acceleration, self.ends.velocity)
 
-def _apart(
-    bodies: CollisionBodies,
-    pairs: JudgedPairs,
-    trajectory: Trajectory,
-    ends: Extremes,
-    travel: Array,
-    t: Array,
-    half: float,
-) -> tuple[Array, Array]:
-    """The least room, and what it cannot fall below: no body moves faster than its reach."""
-    motion = trajectory.evaluate(t)
-    way = half * np.minimum(np.abs(motion.dq) + half * ends.acceleration, ends.velocity)
-    found = bodies.nearest(motion.q, pairs, travel=travel, way=way)
-    return found.room, found.bound
+    def left(
+        self, points: MovingPoints, limit: float, t: Array, half: float
+    ) -> tuple[Array, Array]:
+        """Share of a speed limit that is left, and what it cannot fall below.
+
+        A point's acceleration is at most sum_k r_k |ddq_k| + sum_jk r_max(j,k) |dq_j dq_k|, since a
+        joint's column turns with the joints before it and is turned by those after it.
+        """
+        motion = self.trajectory.evaluate(t)
+        speed = self._fastest(motion, half)
+        # r_max(j,k) summed over pairs: joint k with all before it, twice, and with itself.
+        before = np.cumsum(speed, axis=1) - speed
+        push = speed * (2 * before + speed) + self.ends.acceleration
+        left = 1.0 - points.norms(motion.q, motion.dq) / limit
+        return left, left - half * (push @ points.reach(self.ends.travel)) / limit
+
+    def apart(
+        self, bodies: CollisionBodies, pairs: JudgedPairs, t: Array, half: float
+    ) -> tuple[Array, Array]:
+        """The least room, and what it cannot fall below: no body moves faster than its reach."""
+        motion = self.trajectory.evaluate(t)
+        way = half * self._fastest(motion, half)
+        found = bodies.nearest(motion.q, pairs, travel=self.ends.travel, way=way)
+        return found.room, found.bound

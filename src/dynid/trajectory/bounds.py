@@ -62,6 +62,11 @@ class Extremes:
     proven: bool = True
     """Whether they follow from the motion's formula."""
 
+    @property
+    def travel(self) -> Array:
+        """(n) how far positions are from zero at the most [rad or m]."""
+        return np.maximum(np.abs(self.lower), np.abs(self.upper))
+
 
 def peaks(series: FourierSeries) -> Extremes:
     """Extremes that hold between the samples too.

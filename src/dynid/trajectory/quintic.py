@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, MotionBounds, frozen, read_only
+from dynid.core import Array, InputError, MotionBounds, freeze, frozen, read_only
 from dynid.trajectory.bounds import inner_range, require_inside, usable_bounds
 from dynid.trajectory.fourier import coefficients, harmonic_basis
 from dynid.trajectory.trajectory import SeriesFamily, StandingMotion, require_positive
@@ -55,9 +55,8 @@ class StraightMove(StandingMotion):
 
     def __post_init__(self) -> None:
         require_positive("the travel time", self.travel_time)
-        object.__setattr__(self, "start", frozen(self.start, shape=(None,), name="start"))
-        goal = frozen(self.goal, shape=self.start.shape, name="goal")
-        object.__setattr__(self, "goal", goal)
+        freeze(self, start=(None,))
+        freeze(self, goal=self.start.shape)
 
     @property
     def joints(self) -> int:

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, frozen
+from dynid.core import Array, InputError, freeze, frozen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,11 +29,9 @@ class JointMotion:
     """(N, n) accelerations [rad/s^2 or m/s^2]."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "t", frozen(self.t, shape=(None,), name="t"))
-        object.__setattr__(self, "q", frozen(self.q, shape=(len(self.t), None), name="q"))
-        for name in ("dq", "ddq"):
-            value = frozen(getattr(self, name), shape=self.q.shape, name=name)
-            object.__setattr__(self, name, value)
+        freeze(self, t=(None,))
+        freeze(self, q=(len(self.t), None))
+        freeze(self, dq=self.q.shape, ddq=self.q.shape)
 
 
 def require_positive(what: str, value: float) -> None:

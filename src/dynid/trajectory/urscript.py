@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynid.core import Array, InputError, frozen
+from dynid.core import Array, InputError, freeze, frozen
 from dynid.trajectory.bspline import BSpline
 from dynid.trajectory.fourier import FourierSeries, harmonic_basis
 from dynid.trajectory.points import MotionSequence, PointToPoint, Repetition
@@ -28,11 +28,9 @@ class Piece:
     """(n, H) negated cosine coefficients [rad or m]."""
 
     def __post_init__(self) -> None:
-        polynomial = frozen(self.polynomial, shape=(None, None), name="polynomial")
-        a = frozen(self.a, shape=(len(polynomial), None), name="a")
-        b = frozen(self.b, shape=a.shape, name="b")
-        for name, value in (("polynomial", polynomial), ("a", a), ("b", b)):
-            object.__setattr__(self, name, value)
+        freeze(self, polynomial=(None, None))
+        freeze(self, a=(len(self.polynomial), None))
+        freeze(self, b=self.a.shape)
 
     @property
     def harmonics(self) -> int:
