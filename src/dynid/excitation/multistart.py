@@ -2,8 +2,9 @@
 
 import threading
 import time
+from collections.abc import Generator
 from concurrent.futures import Future
-from contextlib import AbstractContextManager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from uuid import uuid4
 
@@ -19,9 +20,11 @@ GRACE_S = 0.5
 """What workers may take after the deadline to tell what they have [s]."""
 
 
-def one_thread() -> AbstractContextManager[object]:
+@contextmanager
+def one_thread() -> Generator[None]:
     """Matrices of 50 columns gain nothing from more threads, which only wait for each other."""
-    return threadpool_limits(limits=1, user_api="blas")
+    with threadpool_limits(limits=1, user_api="blas"):
+        yield
 
 
 class _Built(threading.local):

@@ -260,6 +260,7 @@ class Optimised:
     wall_s: float
 
 
+@one_thread()
 def by_gradient(
     problem: ExcitationProblem,
     effort: Effort,
@@ -269,11 +270,11 @@ def by_gradient(
     tell: SearchProgress | None = None,
 ) -> Optimised:
     """Design by gradients from many starts; see `multistart`."""
-    with one_thread():
-        search = multistart(problem, effort, seed=seed, beside=beside, tell=tell)
-        return _finished(problem, search, effort.budget_s)
+    search = multistart(problem, effort, seed=seed, beside=beside, tell=tell)
+    return _finished(problem, search, effort.budget_s)
 
 
+@one_thread()
 def by_genetic_algorithm(
     problem: ExcitationProblem,
     *,
@@ -294,21 +295,7 @@ def by_genetic_algorithm(
             raise InputError("too small", where=name, value=number, limit=f"{least} or more")
     if budget_s is not None and not budget_s > 0:
         raise InputError("must be positive", where="--budget", value=budget_s, limit="seconds")
-    with one_thread():
-        search = _evolved(problem, seed, population, generations, budget_s, tell)
-        return _finished(problem, search, budget_s)
-
-
-def _evolved(
-    problem: ExcitationProblem,
-    seed: int,
-    population: int,
-    generations: int,
-    budget_s: float | None,
-    tell: SearchProgress | None,
-) -> Search:
-    evaluation = DesignEvaluation(problem)
-    region = region_of(problem)
+    evaluation, region = DesignEvaluation(problem), region_of(problem)
     evaluation.warm_up()
     search = Search(problem=problem)
     total = population + generations * (population - elite_count(population))
@@ -335,7 +322,7 @@ def _evolved(
         search.ended_by = "generations" if search.starts == generations else "budget"
     except KeyboardInterrupt:
         search.ended_by = "interrupt"
-    return search
+    return _finished(problem, search, budget_s)
 
 
 def _finished(problem: ExcitationProblem, search: Search, budget_s: float | None) -> Optimised:

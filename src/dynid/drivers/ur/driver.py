@@ -1,6 +1,7 @@
 """UR robots: the controller evaluates the motion, or follows streamed set points."""
 
 import threading
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from typing import Any, ClassVar
@@ -40,6 +41,11 @@ _DRAIN_EVERY = 25
 """Cycles after which the states that the script port sends are thrown away."""
 
 
+Converse = Callable[[Layout, Recipe, ScriptPort], Conversation]
+"""Begins the conversation that moves the robot; everything else is ready by then."""
+Record = Callable[[Converse], Outcome]
+
+
 class RtdeDriver(Driver):
     """Records and watches every cycle of a UR controller; what moves it is a driver's own."""
 
@@ -67,53 +73,9 @@ class RtdeDriver(Driver):
             },
         )
 
-    def record(
-        self,
-        execution: Execution,
-        recorder: Recorder | None,
-        cancel: threading.Event,
-        progress: Progress | None,
-        converse: Callable[[Layout, Recipe, ScriptPort], Conversation],
-    ) -> Outcome:
-        """Record and watch the controller while a conversation, begun last, moves it."""
-        with closing(RtdeLink(self.state.host)) as link:
-            names = recorded_names(link.version[:3], self.index)
-            layout, feed = Layout.of(link.ask_outputs(names)), link.ask_inputs([FEED])
-            with closing(ScriptPort(self.state.host)) as port:
-                link.write(feed.packet([-1]))
-                link.start()
-                pump = Pump(
-                    link,
-                    layout,
-                    Watchdog(
-                        execution.limits, execution.rate_hz, execution.total, slack=self.slack
-                    ),
-                    converse(layout, feed, port),
-                    halt=lambda: halt(port),
-                    cancel=cancel,
-                )
-                pump.start()
-                return Intake(execution, layout, recorder, progress).take(pump)
-
-    def check_rate(self, execution: Execution) -> None:
-        """Refuse a motion for another control rate.
-
-        Raises:
-            InputError: It is for another rate.
-        """
-        if execution.rate_hz != self.state.rate_hz:
-            raise InputError(
-                "the controller has another rate",
-                where=self.state.host,
-                value=execution.rate_hz,
-                limit=f"{self.state.rate_hz} Hz",
-            )
-
-
-class UrDriver(RtdeDriver):
-    """Uploads a program that evaluates the motion, feeds it, records and watches every cycle."""
-
-    index = INDEX
+    @abstractmethod
+    def move(self, execution: Execution, cancel: threading.Event, record: Record) -> Outcome:
+        """Have the robot move beside a recording, which begins the conversation that moves it."""
 
     def execute(
         self,
@@ -123,9 +85,47 @@ class UrDriver(RtdeDriver):
         cancel: threading.Event | None = None,
         progress: Progress | None = None,
     ) -> Outcome:
-        """See `Driver.execute`."""
-        self.check_rate(execution)
-        wish = cancel or threading.Event()
+        """See `Driver.execute`; a motion for another control rate is refused, too."""
+        host, wish = self.state.host, cancel or threading.Event()
+        if execution.rate_hz != self.state.rate_hz:
+            raise InputError(
+                "the controller has another rate",
+                where=host,
+                value=execution.rate_hz,
+                limit=f"{self.state.rate_hz} Hz",
+            )
+
+        def record(converse: Converse) -> Outcome:
+            watchdog = Watchdog(
+                execution.limits, execution.rate_hz, execution.total, slack=self.slack
+            )
+            with closing(RtdeLink(host)) as link:
+                names = recorded_names(link.version[:3], self.index)
+                layout, feed = Layout.of(link.ask_outputs(names)), link.ask_inputs([FEED])
+                with closing(ScriptPort(host)) as port:
+                    link.write(feed.packet([-1]))
+                    link.start()
+                    pump = Pump(
+                        link,
+                        layout,
+                        watchdog,
+                        converse(layout, feed, port),
+                        halt=lambda: halt(port),
+                        cancel=wish,
+                    )
+                    pump.start()
+                    return Intake(execution, layout, recorder, progress).take(pump)
+
+        return self.move(execution, wish, record)
+
+
+class UrDriver(RtdeDriver):
+    """Uploads a program that evaluates the motion, feeds it, records and watches every cycle."""
+
+    index = INDEX
+
+    def move(self, execution: Execution, cancel: threading.Event, record: Record) -> Outcome:
+        """See `RtdeDriver.move`."""
         program = ur_program(
             execution.trajectory,
             rate_hz=execution.rate_hz,
@@ -135,11 +135,11 @@ class UrDriver(RtdeDriver):
         )
 
         def converse(layout: Layout, feed: Recipe, port: ScriptPort) -> Conversation:
-            if not wish.is_set():
+            if not cancel.is_set():
                 port.send(program)
             return _Program(layout, feed, port)
 
-        return self.record(execution, recorder, wish, progress, converse)
+        return record(converse)
 
 
 class _Program:
@@ -207,33 +207,18 @@ class ServojDriver(RtdeDriver):
         super().__init__(state)
         self._rtde: Any = require("rtde_control", "ur")
 
-    def execute(
-        self,
-        execution: Execution,
-        recorder: Recorder | None,
-        *,
-        cancel: threading.Event | None = None,
-        progress: Progress | None = None,
-    ) -> Outcome:
-        """See `Driver.execute`."""
-        self.check_rate(execution)
-        wish = cancel or threading.Event()
+    def move(self, execution: Execution, cancel: threading.Event, record: Record) -> Outcome:
+        """See `RtdeDriver.move`."""
         poses = (*execution.via, execution.setpoints()[0])
-        if wish.is_set():
+        if cancel.is_set():
             return Outcome(samples=0, periods=0, gaps=0, abort=INTERRUPTED)
         control = self._control(self.state.host)
         try:
-            abort = approach(control, poses, wish)
+            abort = approach(control, poses, cancel)
             if abort is not None:
                 return Outcome(samples=0, periods=0, gaps=0, abort=abort)
             control.setWatchdog(WATCHDOG_HZ)
-            outcome = self.record(
-                execution,
-                recorder,
-                wish,
-                progress,
-                lambda _, feed, __: _Stream(control, feed, execution),
-            )
+            outcome = record(lambda _, feed, __: _Stream(control, feed, execution))
             if outcome.abort is None:
                 control.servoStop()
                 control.stopScript()
