@@ -215,6 +215,10 @@ BROKEN = {
     "no points": (DH + '[[body]]\nlink="base"\npoints=[]\nradius=1', "given by points"),
     "points of no arm": (DH + '[[body]]\nlink="base"\npoints="ur99"', "unknown word"),
     "no such body": (DH + '[[body]]\nname="x"\nlink="base"\npoints="ur5"', "of this name"),
+    "other frames": (
+        DH + '[[body]]\nname="base 1"\nlink="base"\nframes="dh"\npoints="ur10e"',
+        "'frames' must be those",
+    ),
     "flat point": (DH + '[[body]]\nlink="base"\npoints=[[0,0]]\nradius=1', "wrong number"),
     "source": (DH + "source = 3", "'source' must be a text"),
     "key lines": ('"a\\nb" = 1\n' + DH, r"unknown key 'a\?b'"),
@@ -228,6 +232,15 @@ BROKEN = {
     "locked": ('urdf = "arm.urdf"\nlocked = 1', "locked: must be a table"),
     "locked text": ('urdf = "arm.urdf"\n[locked]\nj1 = "x"', "locked: 'j1' must be a number"),
 }
+
+
+def test_a_body_of_a_builtin_arm_keeps_its_own_radius(tmp_path: Path) -> None:
+    body = '[[body]]\nname="base 1"\nlink="base"\npoints="ur10e"\n'
+    theirs = next(body for body in load_robot("ur10e").bodies if body.name == "base 1")
+    for given, radius in (("", theirs.radius), ("radius=0.05", 0.05)):
+        (found,) = load_robot(_file(tmp_path, DH + body + given)).bodies
+        np.testing.assert_array_equal(found.points, theirs.points)
+        assert found.radius == radius
 
 
 @pytest.mark.parametrize("name", BROKEN)

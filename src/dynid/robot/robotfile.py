@@ -126,29 +126,34 @@ def _read_bodies(
     for k, table in enumerate(rows):
         link = links.index(table.text("link", links))
         placed = _frames(table, robot)[link - 1] if link else np.eye(4)
+        sized = table
         if capsules:
             points = np.array([table.numbers(key, 3) for key in ("start", "end")])
         else:
-            table = _own_or_same(table)
-            points = table.rows("points", None, 3)
+            shape = _shape(table)
+            points = shape.rows("points", None, 3)
+            sized = table if "radius" in table else shape
         found.append(
             Body(
                 name=table.text("name") if "name" in table else f"{links[link]} {k + 1}",
                 link=link,
                 points=points @ placed[:3, :3].T + placed[:3, 3],
-                radius=table.number("radius") if "radius" in table else 0.0,
+                radius=sized.number("radius") if "radius" in sized else 0.0,
             )
         )
     return {"bodies": (*robot.bodies, *found)}
 
 
-def _own_or_same(table: TomlTable) -> TomlTable:
-    """The row of a body, or that of the same name of the built-in arm which its points name."""
+def _shape(table: TomlTable) -> TomlTable:
+    """The row with the points of a body: itself, or that of a built-in arm which it names."""
     if not isinstance(table.raw("points"), str):
         return table
     arm, name = table.text("points", builtin_names()), table.text("name")
     for row in _bodies_of(arm):
         if row.text("name") == name:
+            if row.raw("frames") != table.raw("frames"):
+                text = "'frames' must be those in which the points are given"
+                raise RobotError(text, where=table.where, limit=row.raw("frames"))
             return row
     raise RobotError(f"{arm} has no body of this name", where=table.where, value=name)
 
