@@ -1,7 +1,6 @@
 """Simulated arms: the UR5, any robot with known inertias, and their thermal states."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -63,7 +62,7 @@ def ur5_truth(robot: RobotModel) -> GroundTruth:
         motor_inertia=np.array(_MOTOR_INERTIA),
         friction=_friction(
             np.array(_COULOMB),
-            viscous=np.array(_VISCOUS),
+            np.array(_VISCOUS),
             load_factor=_each(0.02, 0.03),
             stiffness=_each(4.0e4, 5.0e3),
             damping=_each(20.0, 2.0),
@@ -93,15 +92,26 @@ def _inertials(frames: Array) -> Array:
     return np.array(rows)
 
 
-def _friction(coulomb: Array, **own: Any) -> JointFriction:
-    """What differs from arm to arm, beside what all arms have."""
+def _friction(
+    coulomb: Array,
+    viscous: Array,
+    *,
+    load_factor: Array,
+    stiffness: Array,
+    damping: Array,
+    viscous_decay: Array,
+) -> JointFriction:
     n = len(coulomb)
     return JointFriction(
         coulomb=coulomb,
+        viscous=viscous,
         breakaway=0.15 * coulomb,
         stribeck_velocity=np.full(n, 0.06),
+        load_factor=load_factor,
+        stiffness=stiffness,
+        damping=damping,
+        viscous_decay=viscous_decay,
         coulomb_drift=np.full(n, 0.002),
-        **own,
     )
 
 
@@ -209,7 +219,7 @@ def stand_in_truth(robot: RobotModel) -> GroundTruth:
         motor_inertia=0.006 * torque,
         friction=_friction(
             coulomb,
-            viscous=coulomb,
+            coulomb,
             load_factor=np.full(n, 0.02),
             stiffness=4000.0 * coulomb,
             damping=2.0 * coulomb,
