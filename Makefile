@@ -91,7 +91,7 @@ proof: develop
 	$(BIN)/python benchmarks/proof/proof.py $(ONLY)
 
 # dynid beside other tools, in an environment of their own; writes docs/benchmarks.md and its figure.
-# ONLY="UR10 Panda" takes the recordings whose names begin so.
+# ONLY="UR10 Panda" measures the recordings whose names begin so, and writes nothing.
 RIVALS := .venv-rivals
 rivals: $(RIVALS)/.installed
 	$(BIN)/python benchmarks/rivals/rivals.py $(ONLY)

@@ -17,8 +17,7 @@ from dynid.protocol import Numbers, RuntimeState
 START_S = 10.0
 """Controller time in which an uploaded program must have begun [s]."""
 BACKLOG_S = 60.0
-"""Controller time by which the recorder may fall behind [s]: about 80 MB at 500 Hz. A slow disk is
-no reason to stop a robot before memory is."""
+"""Controller time by which the recorder may fall behind [s]: about 80 MB at 500 Hz."""
 STOP_S = 3.0
 """Controller time after a stop for which packages are still read [s]."""
 _STILL = 1e-9
