@@ -29,6 +29,7 @@ class Observer:
         self._news = threading.Condition()
         self._go = threading.Event()
         self._go.set()
+        self._idle = threading.Event()
         self._gone = False
         self._link.start()
         self._thread = threading.Thread(target=self._read, daemon=True)
@@ -37,7 +38,10 @@ class Observer:
     def _read(self) -> None:
         try:
             while not self._stop.is_set():
-                self._go.wait()
+                if not self._go.is_set():
+                    self._idle.set()
+                    self._go.wait()
+                    self._idle.clear()
                 found = self._link.packages()
                 with self._news:
                     self.packages += found
@@ -54,6 +58,8 @@ class Observer:
         """Virtual time waits for all its clients: this one reads no more."""
         self._go.clear()
         try:
+            # What it was reading has come: no package is newer than those that are seen.
+            assert self._idle.wait(30.0)
             yield
         finally:
             self._go.set()

@@ -32,6 +32,8 @@ from urtwin.server import LEAD_S
 STOP_S = 0.1
 """Controller time within which the robot must stop [s]."""
 CYCLE_S = 0.008
+TOGETHER_S = 2 * CYCLE_S
+"""Virtual time sends two packages at once: what the first brings is seen so much later [s]."""
 STILL = 0.01
 """Speed of a joint that stands still, sensor noise included [rad/s]."""
 REPEAT = 2
@@ -176,7 +178,7 @@ def test_ctrl_c_at_a_random_time(controller: RunningController, fault: Fault, se
         with observer.time_stands_still():
             os.kill(os.getpid(), signal.SIGINT)
             assert wish.wait(10.0)
-            fault.at = float(observer.column("timestamp")[-1]) + LEAD_S
+            fault.at = float(observer.column("timestamp")[-1]) + LEAD_S + TOGETHER_S
 
     observer = fault.run(controller.host, interrupt, index)
     assert fault.code == 1
