@@ -157,7 +157,8 @@ def tables(robot: str, meshes: Path) -> str:
                 lines += [f'points = "{owner}"']
                 continue
             lines += ["points = ["]
-            lines += [f"    {(np.round(point, 4) + 0.0).tolist()}," for point in points]
+            written = [f"{(np.round(point, 4) + 0.0).tolist()}," for point in points]
+            lines += ["    " + " ".join(written[k : k + 3]) for k in range(0, len(written), 3)]
             lines += ["]", f"radius = {radius:.4f}"]
     return "\n".join(lines) + "\n"
 
