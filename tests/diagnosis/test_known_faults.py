@@ -215,9 +215,10 @@ def test_friction_that_drifts_is_told_with_its_sign(tmp_path: Path, share: float
     assert 0.2 * abs(share) < -np.sign(share) * (found.value or 0.0) < abs(share)
 
 
-@pytest.mark.parametrize("stop", [6.4, 7.0])
-def test_a_push_is_found_where_it_was(tmp_path: Path, stop: float) -> None:
-    every = faults(tmp_path, Wrong(push=60.0, push_stop=stop))
+@pytest.mark.parametrize(("stop", "carried"), [(6.4, 0.0), (7.0, 0.0), (6.4, 2.0)])
+def test_a_push_is_found_where_it_was(tmp_path: Path, stop: float, carried: float) -> None:
+    """Also of an arm that carries what the robot file does not know."""
+    every = faults(tmp_path, Wrong(push=60.0, push_stop=stop, carried=carried))
     (found,) = [f for f in every if f.kind == "contact"]
     assert found.value == pytest.approx(6.0, abs=EARLY_OR_LATE_S)
     assert len(found.joints) > 1

@@ -311,10 +311,11 @@ def _signals(
 
 def _touched(contact: Contact, robot: RobotModel) -> Finding:
     names = ", ".join(robot.joint_names[j] for j in contact.joints)
+    units = sorted({"N" if robot.prismatic[j] else "N.m" for j in contact.joints})
     return Finding(
         "contact",
         f"torques of {names} do not belong to the motion from {contact.start_s:.1f} to "
-        f"{contact.stop_s:.1f} s (up to {contact.size:.2g} N.m or N)",
+        f"{contact.stop_s:.1f} s (up to {contact.size:.2g} {' or '.join(units)})",
         joints=contact.joints,
         value=contact.start_s,
         unit="s",
