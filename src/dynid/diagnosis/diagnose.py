@@ -76,7 +76,7 @@ _FACTS = {
     "robot file",
     "spring": "{joints} has a torque of its position beyond gravity, up to {value:.2g} {unit}",
     "mounting": "gravity is {deg:.2f} +- {deg_std:.2f} deg off the mounting",
-    "payload": "the last link carries {value:.2f} +- {std:.2g} kg more than published",
+    "payload": "the last link carries {value:.3g} +- {std:.2g} kg more than published",
     "friction_drift": "friction changes by {percent:+.0f} +- {percent_std:.0f} % along the record",
     "gravity_compensated": "the torques contain no gravity",
     "reversed": "the torques of {joints} fit only when reversed",
