@@ -316,6 +316,13 @@ def test_one_recording_shows_no_payload(run: Run, recordings: Recordings) -> Non
     assert_bad_usage(run("payload", one, one), "with the payload is one without")
 
 
+def test_a_payload_is_weighed_as_the_arm_is_mounted(run: Run, recordings: Recordings) -> None:
+    pair = (recordings.identification, recordings.validation)
+    wall = run("payload", *pair, "--mount", "wall", "--json").json()
+    expected = dynid.identify_payload(*pair, dynid.load_robot("ur5", mount="wall"))
+    assert wall["mass"] == pytest.approx(expected.mass)
+
+
 @pytest.mark.usefixtures("undiagnosed")
 def test_bad_windows_and_settings(run: Run, recordings: Recordings) -> None:
     record = recordings.identification
