@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
+from importlib import resources
 from pathlib import Path
 
 import pytest
@@ -205,8 +207,6 @@ def test_foreign_files_are_read_directly(run: Run, recordings: Recordings) -> No
 
 @pytest.mark.usefixtures("undiagnosed")
 def test_a_robot_file_is_remembered(run: Run, recordings: Recordings, tmp_path: Path) -> None:
-    from importlib import resources
-
     robot = tmp_path / "mine.toml"
     robot.write_bytes((resources.files("dynid.robot.library") / "ur5.toml").read_bytes())
     record = tmp_path / "mine.parquet"
@@ -314,6 +314,29 @@ def test_a_robot_that_is_not_there_is_suggested(run: Run, tmp_path: Path) -> Non
 def test_one_recording_shows_no_payload(run: Run, recordings: Recordings) -> None:
     one = recordings.identification
     assert_bad_usage(run("payload", one, one), "with the payload is one without")
+
+
+@pytest.mark.usefixtures("undiagnosed")
+def test_gains_and_log_of_an_estimate_are_found_again(
+    run: Run, recordings: Recordings, tmp_path: Path
+) -> None:
+    log, estimate, other = tmp_path / "log.csv", tmp_path / "arm.json", tmp_path / "other.csv"
+    log.write_bytes(recordings.csv.read_bytes())
+    other.write_bytes(recordings.csv.read_bytes())
+    robot, known = tmp_path / "arm.toml", resources.files("dynid.robot.library") / "ur5.toml"
+    robot.write_text(re.sub(r"(?m)^gain = .*$", "", known.read_text()))
+    gains = ("--gains", "13.6,13.7,13.7,9.7,8.7,9.0")
+    words = ("--robot", robot, "--preset", "paper", "-o", estimate)
+    assert run("identify", log, *words, *gains).code == 0
+    assert run("validate", estimate, other).code == 0
+    assert "recording is missing" not in run("report", tmp_path, "-o", tmp_path / "r.html").out
+
+
+def test_a_payload_is_weighed_as_the_arm_is_mounted(run: Run, recordings: Recordings) -> None:
+    pair = (recordings.identification, recordings.validation)
+    wall = run("payload", *pair, "--mount", "wall", "--json").json()
+    expected = dynid.identify_payload(*pair, dynid.load_robot("ur5", mount="wall"))
+    assert wall["mass"] == pytest.approx(expected.mass)
 
 
 @pytest.mark.usefixtures("undiagnosed")

@@ -215,9 +215,10 @@ def test_friction_that_drifts_is_told_with_its_sign(tmp_path: Path, share: float
     assert 0.2 * abs(share) < -np.sign(share) * (found.value or 0.0) < abs(share)
 
 
-@pytest.mark.parametrize("stop", [6.4, 7.0])
-def test_a_push_is_found_where_it_was(tmp_path: Path, stop: float) -> None:
-    every = faults(tmp_path, Wrong(push=60.0, push_stop=stop))
+@pytest.mark.parametrize(("stop", "carried"), [(6.4, 0.0), (7.0, 0.0), (6.4, 2.0)])
+def test_a_push_is_found_where_it_was(tmp_path: Path, stop: float, carried: float) -> None:
+    """Also of an arm that carries what the robot file does not know."""
+    every = faults(tmp_path, Wrong(push=60.0, push_stop=stop, carried=carried))
     (found,) = [f for f in every if f.kind == "contact"]
     assert found.value == pytest.approx(6.0, abs=EARLY_OR_LATE_S)
     assert len(found.joints) > 1
@@ -258,10 +259,14 @@ def test_torques_are_as_unsure_as_parameters_leave_them(tmp_path: Path) -> None:
     assert 0.7 < np.sqrt(np.square(ratios).mean()) < 1.2
 
 
-def test_an_unknown_payload_is_weighed(tmp_path: Path) -> None:
-    found = faults(tmp_path, Wrong(carried=2.0))[0]
+@pytest.mark.parametrize("scale", [1.0, 0.03])
+def test_an_unknown_payload_is_weighed(tmp_path: Path, scale: float) -> None:
+    """As well on an arm of 0.4 kg as on one of 13 kg."""
+    robot, record = arm(tmp_path), recording(Wrong(carried=2.0))
+    light = replace(record, signals={**record.signals, "effort": scale * record.signals["effort"]})
+    found = findings_of(light, replace(robot, inertias=scale * robot.inertias))[0]
     assert found.kind == "payload"
-    assert found.value == pytest.approx(2.0, abs=SIGMAS * (found.std or 0.0))
+    assert found.value == pytest.approx(2.0 * scale, abs=SIGMAS * (found.std or 0.0))
 
 
 @pytest.mark.parametrize("share", [0.4, 0.6])

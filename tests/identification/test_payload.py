@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import clarabel
 import numpy as np
+import pinocchio as pin
 import pytest
 from scipy import sparse
 
@@ -11,7 +12,13 @@ from dynid.core import Array, InputError
 from dynid.identification import Payload
 from dynid.identification.payload import GAINS_OFF, NORMAL_95, nearest_body
 from dynid.recording import ExperimentRecord
-from dynid.robot import from_pseudo_inertia, is_physical, load_robot, to_pseudo_inertia
+from dynid.robot import (
+    from_pseudo_inertia,
+    is_physical,
+    load_robot,
+    robot_from_chain,
+    to_pseudo_inertia,
+)
 from dynid.simulation import cylinder, link_parameters, simulate, simulated_arm, with_payload
 from dynid.trajectory import FourierSeries, random_excitation
 from dynid.workflow import identify_payload
@@ -103,6 +110,53 @@ def test_nothing_on_the_flange_is_told_from_nothing() -> None:
     found = identify_payload(recorded(5, None), empty, ROBOT)
     assert abs(found.free[0]) < 3 * found.mass_std
     assert "low_excitation" in [notice.code for notice in found.warnings]
+
+
+def scara(carried: pin.Inertia, seed: int) -> ExperimentRecord:
+    """Parallel axes: no torque depends on a payload's height, nor on most of its tensor."""
+    model = pin.Model()
+    joints = (pin.JointModelRZ(), pin.JointModelRZ(), pin.JointModelPZ(), pin.JointModelRZ())
+    bodies = [pin.Inertia(m, np.array([0.1, 0.0, 0.0]), 0.02 * np.eye(3)) for m in (7, 4, 2, 1)]
+    bodies[-1] += carried
+    for k, (joint, own) in enumerate(zip(joints, bodies, strict=True)):
+        model.addJoint(k, joint, pin.SE3(np.eye(3), np.array(SCARA[k])), f"j{k}")
+        model.appendBodyToJoint(k + 1, own, pin.SE3.Identity())
+    t, data = np.arange(2400) / 200, model.createData()
+    rates = np.array([1.0, 1.6, 1.3, 2.1])
+    size = np.array([1.0, 1.2, 0.1, 1.5])
+    q, dq, ddq = (
+        size
+        * (
+            wave(np.outer(t, rates)) * rates**k
+            - 0.4 * wave(2.7 * np.outer(t, rates)) * (2.7 * rates) ** k
+        )
+        for k, wave in enumerate((np.sin, np.cos, lambda x: -np.sin(x)))
+    )
+    tau = np.array([pin.rnea(model, data, *row) for row in zip(q, dq, ddq, strict=True)])
+    tau += np.tanh(50 * dq) + dq
+    tau += np.random.default_rng(seed).normal(size=tau.shape) * [0.3, 0.2, 0.3, 0.03]
+    return ExperimentRecord(t=t, signals={"q": q, "qd": dq, "effort": tau})
+
+
+SCARA = ((0.0, 0.0, 0.4), (0.35, 0.0, 0.0), (0.25, 0.0, 0.0), (0.0, 0.0, -0.1))
+
+
+def test_what_a_scara_shows_of_its_payload_is_told_from_what_it_does_not() -> None:
+    placements = np.tile(np.eye(4), (4, 1, 1))
+    placements[:, :3, 3] = SCARA
+    axes, kinds = (
+        np.tile([0.0, 0.0, 1.0], (4, 1)),
+        ["revolute", "revolute", "prismatic", "revolute"],
+    )
+    robot = robot_from_chain(placements=placements, axes=axes, name="scara", joint_types=kinds)
+    truth = pin.Inertia(1.0, np.array([0.03, -0.02, 0.05]), 0.002 * np.eye(3))
+    found = identify_payload(scara(pin.Inertia.Zero(), 1), scara(truth, 2), robot)
+    seen = [0, 1, 2, 6]
+    expected = np.array([1.0, 0.03, -0.02, 0.002 + 0.03**2 + 0.02**2])
+    assert (np.abs(found.free[seen] - expected) < 3 * found.std[seen]).all()
+    assert found.std[seen].max() < 0.1
+    assert found.std[3] > 10
+    assert ["mz, Jxx" in notice.text for notice in found.warnings] == [True]
 
 
 def test_both_kinds_of_runs_are_needed() -> None:

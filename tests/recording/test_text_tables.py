@@ -445,3 +445,13 @@ def test_huge_numbers_of_columns_are_refused_quickly(tmp_path: Path) -> None:
     path.write_text((",".join(["1"] * 50_000) + "\n") * 20)
     with pytest.raises(RecordError, match="too many columns"):
         read_recording(path, columns="t=0,q=1:7,current=7:13")
+
+
+def test_an_option_is_said_with_the_command_that_takes_it(tmp_path: Path) -> None:
+    path, t = tmp_path / "log.csv", np.arange(300) / 100
+    angles = 100 * np.sin(np.outer(t, np.arange(1, 7)))
+    names = [f"{kind}{j + 1}" for kind in ("q", "tau") for j in range(6)]
+    table = np.column_stack([t, angles, angles])
+    np.savetxt(path, table, delimiter=",", header=",".join(["t", *names]), comments="")
+    with pytest.raises(RecordError, match=r"pass --degrees\. It is an option of dynid import, "):
+        open_record(path, load_robot("ur5"))

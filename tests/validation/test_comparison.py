@@ -117,7 +117,7 @@ def other_model(**changes: object) -> Estimate:
         ({"robot": load_robot("ur10")}, "robots"),
         ({"robot": with_mount(load_robot("ur5"), "wall")}, "mountings"),
         ({"frames": "mdh"}, "frames"),
-        ({"friction": parse_terms("fc,fv")}, "terms"),
+        ({"friction": parse_terms("fc,fv:2")}, "terms"),
     ],
 )
 def test_strangers_are_refused_in_one_message(changes: dict[str, object], word: str) -> None:
@@ -125,6 +125,14 @@ def test_strangers_are_refused_in_one_message(changes: dict[str, object], word: 
         compare(estimate(), other_model(**changes))
     assert caught.value.exit_code == 2
     assert "\n" not in str(caught.value)
+
+
+def test_estimates_of_chosen_terms_are_told_the_terms_to_compare_with() -> None:
+    with pytest.raises(InputError, match=r"--terms fc,fv,fo:1\+3,im"):
+        compare(
+            other_model(friction=parse_terms("fc,fv:2,fo:3")),
+            other_model(friction=parse_terms("fc,fv,im,fo:1")),
+        )
 
 
 @pytest.mark.parametrize(("share", "same"), [(1e-8, True), (1e-3, False)])

@@ -38,6 +38,10 @@ def robots_command(json: ask.JsonFlag = False) -> None:
 
 
 MAX_SAMPLES = 10_000
+MountOption = Annotated[
+    str | None,
+    ask.option("floor|wall|ceiling|tilt:DEG", "Mounting; default: as recorded, or the file's."),
+]
 
 
 @ask.command(
@@ -50,10 +54,7 @@ def analyze_command(
     frames: Annotated[
         str, ask.option("dh|mdh|urdf", "Frames of the parameters; default: its own.")
     ] = "",
-    mount: Annotated[
-        str | None,
-        ask.option("floor|wall|ceiling|tilt:DEG", "Mounting; default: that of the file."),
-    ] = None,
+    mount: MountOption = None,
     samples: Annotated[
         int, ask.option("N", "Random points of the regressor.", min=1, max=MAX_SAMPLES)
     ] = 25,
@@ -167,14 +168,17 @@ def payload_command(
     unloaded: Annotated[Path, ask.argument("UNLOADED", "A recording without the payload.")],
     loaded: Annotated[Path, ask.argument("LOADED", "One with it, preferably of the same motion.")],
     robot: ask.RobotOption = None,
+    mount: MountOption = None,
     cutoff: Annotated[float | None, ask.option("HZ", "Low-pass cut-off; default: chosen.")] = None,
     gains: ask.GainsOption = None,
     json: ask.JsonFlag = False,
 ) -> None:
     """Mass, centre and inertia of a payload, with intervals."""
+    from dynid.robot import with_mount
     from dynid.workflow import identify_payload, open_records
 
     (empty, carrying), model = open_records([unloaded, loaded], robot, ask.drive_gains(gains))
+    model = model if mount is None else with_mount(model, mount)
     found = identify_payload(empty, carrying, model, cutoff_hz=cutoff)
     data: dict[str, Any] = {"robot": model.name, **found.to_json()}
     if json:

@@ -76,7 +76,7 @@ _FACTS = {
     "robot file",
     "spring": "{joints} has a torque of its position beyond gravity, up to {value:.2g} {unit}",
     "mounting": "gravity is {deg:.2f} +- {deg_std:.2f} deg off the mounting",
-    "payload": "the last link carries {value:.2f} +- {std:.2g} kg more than published",
+    "payload": "the last link carries {value:.3g} +- {std:.2g} kg more than published",
     "friction_drift": "friction changes by {percent:+.0f} +- {percent_std:.0f} % along the record",
     "gravity_compensated": "the torques contain no gravity",
     "reversed": "the torques of {joints} fit only when reversed",
@@ -311,10 +311,11 @@ def _signals(
 
 def _touched(contact: Contact, robot: RobotModel) -> Finding:
     names = ", ".join(robot.joint_names[j] for j in contact.joints)
+    units = sorted({"N" if robot.prismatic[j] else "N.m" for j in contact.joints})
     return Finding(
         "contact",
         f"torques of {names} do not belong to the motion from {contact.start_s:.1f} to "
-        f"{contact.stop_s:.1f} s (up to {contact.size:.2g} N.m or N)",
+        f"{contact.stop_s:.1f} s (up to {contact.size:.2g} {' or '.join(units)})",
         joints=contact.joints,
         value=contact.start_s,
         unit="s",

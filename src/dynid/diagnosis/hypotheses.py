@@ -162,7 +162,7 @@ def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hy
     body[0] = np.tensordot(from_pseudo_inertia(np.outer(place, place)), body, axes=1)
     carried = PAYLOAD * float(ref.mean[: 10 * n : 10].sum())
     yield Hypothesis(
-        kind="payload", joints=(n - 1,), unit="kg", least=0.1,
+        kind="payload", joints=(n - 1,), unit="kg", least=0.05 * carried,
         width=carried * np.array([1.0, *[LEVER_M] * 3, *[LEVER_M**2] * 6]),
         columns=body,
         # What is left of the last link has a mass.

@@ -5,13 +5,14 @@ more, for the payload alone (Khalil, Gautier, Lemoine 2007). What both runs get 
 in the arm's parameters of both, and leaves the payload alone.
 """
 
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from dynid.core import Array, Finding, freeze, scipy_part, told
-from dynid.identification.shared import PAYLOAD, SharedFit, SharedProblem
+from dynid.identification.shared import PAYLOAD, UNKNOWN, SharedFit, SharedProblem
 from dynid.robot import PARAMETERS, frame_map, from_pseudo_inertia, tensor, to_pseudo_inertia
 
 _START = 1e-3
@@ -185,6 +186,11 @@ def payload_of(problem: SharedProblem, fit: SharedFit) -> Payload:
 
 def _findings(free: Array, body: Array, covariance: Array) -> tuple[Finding, ...]:
     notices: list[Finding] = []
+    unseen = np.sqrt(np.diag(covariance)) > UNKNOWN / 2
+    if unseen.any():
+        names = ", ".join(itertools.compress(PARAMETERS, unseen))
+        text = f"no torque of these motions depends on {names} of the payload"
+        notices.append(Finding("low_excitation", text))
     spread = float(np.sqrt(covariance[0, 0]))
     half = NORMAL_95 * spread
     if abs(free[0]) < half:

@@ -141,10 +141,15 @@ class SharedSolution:
         return np.concatenate([self.own[record], self.shared])
 
 
-def solve_shared(factors: Array, weights: Array, own: int) -> SharedSolution:
+UNKNOWN = 100.0
+"""Standard deviation of each payload parameter before anything is measured [kg, kg.m, kg.m^2]."""
+
+
+def solve_shared(factors: Array, weights: Array, own: int, payload: int = 0) -> SharedSolution:
     """Solve by elimination of each record's own parameters, the first `own` columns.
 
-    With factors (R, n, w + 1, w + 1) and weights (R, n) [1/(N.m)] of each record and joint.
+    With factors (R, n, w + 1, w + 1) and weights (R, n) [1/(N.m)] of each record and joint. The
+    last `payload` columns have a prior of zero +- `UNKNOWN`: not every arm shows all of a payload.
 
     Raises:
         JobError: A parameter that no record shows, or a singular problem.
@@ -153,13 +158,15 @@ def solve_shared(factors: Array, weights: Array, own: int) -> SharedSolution:
     rows = (factors * weights[:, :, None, None]).reshape(records, -1, width + 1)
     own_scale = np.linalg.norm(rows[:, :, :own], axis=1)
     shared_scale = np.linalg.norm(rows[:, :, own:width], axis=(0, 1))
+    known = np.repeat([0.0, 1 / UNKNOWN], [width - own - payload, payload])
+    shared_scale = np.hypot(shared_scale, known)
     if (own_scale == 0).any() or (shared_scale == 0).any():
         raise JobError(
             "a parameter has no effect on any torque of these recordings",
             next_step="A motion stands still or moves too few joints: record more.",
         )
     tops: list[Array] = []
-    rests: list[Array] = []
+    rests = [np.diag(np.append(known / shared_scale, 0.0))] if payload else []
     for k in range(records):
         scale = np.concatenate([own_scale[k], shared_scale, [1.0]])
         upper = upper_triangle(rows[k] / scale)
@@ -233,14 +240,14 @@ def fit_shared(problem: SharedProblem, *, one_noise: bool = False) -> SharedFit:
     scale = np.linalg.norm(factors[..., -1], axis=2) / np.sqrt(blocks)[:, None]
     scale = np.where(scale > 0, scale, 1.0)
     noise = pooled_noise(scale, blocks) if one_noise else scale
-    solution = solve_shared(factors, 1.0 / noise, own)
+    solution = solve_shared(factors, 1.0 / noise, own, problem.payload)
     for _ in range(MAX_ITERATIONS):
         update = _noise(factors, solution, blocks, scale)
         if one_noise:
             update = pooled_noise(update, blocks)
         change = np.abs(update / noise - 1).max()
         noise = update
-        solution = solve_shared(factors, 1.0 / noise, own)
+        solution = solve_shared(factors, 1.0 / noise, own, problem.payload)
         if change < TOLERANCE:
             break
     inverse = inverse_upper(solution.information)
@@ -327,6 +334,8 @@ def shared_sandwich(
             summed += scores[:, :rows]
         short = 1.0 / max(1.0 - 2.0 * lag / rows, 0.5)
         long_run += freedom(rows, len(group)) * short * long_run_covariance(summed, lag)
+    payload = np.arange(len(naive) - problem.payload, len(naive))
+    long_run[payload, payload] += UNKNOWN**-2
     covariance = naive @ long_run @ naive
     lift = np.sqrt(np.maximum(np.diag(naive) / np.maximum(np.diag(covariance), 1e-300), 1.0))
     return covariance * lift[:, None] * lift[None, :]

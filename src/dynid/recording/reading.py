@@ -325,11 +325,11 @@ def open_record(
         try:
             found = read_recording(record, robot=robot)
         except RecordError as error:
-            step = error.next_step
-            if step is None or "dynid import" in step or not os.path.exists(record):
+            step = error.next_step or ""
+            if "--" not in step or "dynid import" in step or not os.path.exists(record):
                 raise
             command = f"dynid import {shlex.quote(str(record))} --robot ROBOT -o RECORD.parquet"
-            step = f"{step} (Options for reading a file: {command})"
+            step = f"{step} It is an option of dynid import, which converts the file: {command}"
             raise error.changed(next_step=step) from error
     if gains is None:
         return found

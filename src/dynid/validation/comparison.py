@@ -13,6 +13,7 @@ import numpy as np
 
 from dynid.core import Array, Finding, Indices, InputError, Mask, plain, read_only, told
 from dynid.identification import Estimate, EstimateLike, motion_state, open_estimate
+from dynid.regressor import FrictionTerms
 from dynid.robot import RobotModel
 from dynid.signals import Samples
 
@@ -163,8 +164,20 @@ def refuse_strangers(a: Estimate, b: Estimate) -> None:
     if reasons:
         raise InputError(
             f"the estimates differ in {' and in '.join(reasons)}",
-            next_step="Identify both recordings with the same --robot and the same --terms.",
+            next_step="Identify both recordings with the same --robot and with "
+            f"--terms {_all_terms(a, b)}",
         )
+
+
+def _all_terms(*estimates: Estimate) -> str:
+    """The terms of all estimates, each for the joints that any has it for."""
+    joints: dict[str, set[int]] = {}
+    count = max(estimate.model.robot.joints for estimate in estimates)
+    for estimate in estimates:
+        for term, own in estimate.model.friction.terms:
+            joints.setdefault(term, set()).update(range(count) if own is None else own)
+    terms = ((t, None if len(own) == count else tuple(sorted(own))) for t, own in joints.items())
+    return FrictionTerms(terms=tuple(terms)).describe()
 
 
 def comparison_warnings(a: Estimate, b: Estimate) -> tuple[Finding, ...]:

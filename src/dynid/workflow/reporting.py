@@ -27,7 +27,7 @@ from dynid.core import (
 )
 from dynid.diagnosis import contact_stretches
 from dynid.identification import FORMAT, Estimate, read_estimate, standard_posterior
-from dynid.recording import ExperimentRecord, identity, read_record
+from dynid.recording import ExperimentRecord, identity, open_record, read_record
 from dynid.reduction import reduce_model
 from dynid.report import (
     Events,
@@ -164,7 +164,9 @@ def _reported_estimate(
     key, record = next(iter(own.items()))
     settings = estimate.settings
     training = reproduce(estimate, record, start_s=settings.start_s, stop_s=settings.stop_s)
-    partner, validation = _partner(estimate, own, records), None
+    # A log is there for the estimate that names it: it may be of the same motion on another day.
+    others = {name: one for name, one in records.items() if name.endswith(".parquet")}
+    partner, validation = _partner(estimate, own, others), None
     if partner is not None:
         _, other, start_s, stop_s = partner
         validation = validate(estimate, other, start_s=start_s, stop_s=stop_s)
@@ -352,6 +354,16 @@ def _reporting_search(folder: Path, tell: Progress) -> _Found:
                 found.designs.append(_reported_design(path))
         except DynidError as error:
             found.skipped.append((path.name, str(error)))
+    # Logs of other programs that were identified from as they are.
+    for estimate in found.estimates.values():
+        robot = estimate.model.robot
+        gains = robot.drives.gain.tolist() if np.isfinite(robot.drives.gain).all() else None
+        for name in estimate.provenance.inputs:
+            if (folder / name).is_file() and name not in found.records:
+                with suppress(DynidError):
+                    record = open_record(folder / name, robot, gains)
+                    if gains or "effort" in record.signals:
+                        found.records[name] = record
     return found
 
 

@@ -158,7 +158,7 @@ def identify_payload(
 
     Raises:
         InputError: No records, one record as both, or records that do not fit the robot.
-        JobError: Motions that do not show all ten parameters.
+        JobError: Motions that do not show the parameters of the arm.
     """
     model = load_robot(robot)
     without, carrying = _several(model, unloaded, loaded)

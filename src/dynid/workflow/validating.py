@@ -1,6 +1,7 @@
 """`dynid identify`, `validate` and `compare` from files, and the verdict on a result."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +60,9 @@ def identify_files(
         files = paths[: len(recordings)]
         model = robot_of(files, robot)
         found = open_any(files, model, gains)
+        if gains is not None:
+            # Remembered with the estimate, for recordings of the robot that are without.
+            model = replace(model, drives=replace(model.drives, gain=np.array(gains)))
         held = [record for record in found if isinstance(record, ExperimentRecord)]
         # Of those that stay in their files, a part is checked when it is looked at.
         stored = [record for record in found if isinstance(record, StoredRecording)]
