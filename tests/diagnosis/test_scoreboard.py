@@ -47,6 +47,11 @@ PLANTED = (
     ("sliding", "fourier", 125.0, 20.0, 911654613, "gains", "large"),
     # Light wrists: little is left in their wrong order, but by links that are not this arm's.
     ("ur3", "fourier", 125.0, 20.0, 4, "exchanged", "large"),
+    # A gain of less than nothing explains it: no gain, so whole signals are looked at.
+    ("ur5", "waypoints", 125.0, 20.0, 360084776, "exchanged", "large"),
+    # Errors of friction in slow motion must not hide what fast motion shows.
+    ("ur5", "waypoints", 500.0, 15.0, 386598589, "joint_delay", "large"),
+    ("sliding", "teach", 125.0, 60.0, 129537850, "encoder_zero", "large"),
 )
 SLOW = (
     # What stops at a limit is no contact.

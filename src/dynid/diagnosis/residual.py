@@ -24,7 +24,7 @@ ROWS = 1600
 """Rows a joint; longer records are averaged, torques and columns alike."""
 WIDTHS = (0.005, 0.06)
 """Smoothing velocities of the Coulomb columns, shares of the joint's usual top speed."""
-PRESLIDING = (0.001, 0.006)
+PRESLIDING = (0.001, 0.006, 0.0001)
 """Displacements over which friction builds up, shares of the joint's travel."""
 DRAWS = 300
 SWEEPS = 8
@@ -35,6 +35,8 @@ FRICTION_SPREAD = 2.0
 """Standard deviation of a friction torque over that of the joint's torque."""
 NARROWEST = 1e-4
 """... after the recording, of a shape that it does not need: share of that before."""
+SLOW = 0.05
+"""Share of a joint's usual top speed below which friction is another, and so are errors."""
 LEAST_ERROR = 1e-7
 """Square of the error that counts as none, share of that of the torque: rounding."""
 
@@ -158,6 +160,16 @@ class Reference:
         error = self.torque - np.tensordot(values, self.columns, axes=1)
         return self.recording.measured(error)
 
+    def regimes(self) -> Mask:
+        """(2 n, T) rows of each joint in slow motion, then those in fast motion.
+
+        What friction no column says is an error of slow rows: it must not hide what fast ones show.
+        """
+        speed = np.abs(self.recording.dq.T)
+        fast = np.maximum(np.percentile(speed, 98, axis=1), 1e-6)[:, None]
+        slow = self.recording.average(speed) < SLOW * fast
+        return np.concatenate([slow, ~slow])
+
     def predicted(self, values: Array) -> Array:
         """(N, n) torques of parameters (p), nothing averaged."""
         rec = self.recording
@@ -167,7 +179,7 @@ class Reference:
         return out - rec.model.known_torque(rec.q)
 
 
-SHAPES, STEPPED = 8, 6
+SHAPES, STEPPED = 9, 7
 """Friction columns of a joint beside the viscous one, and those of them that do not grow with
 speed: they stand first."""
 
@@ -186,11 +198,11 @@ def _parts(rec: Recording, inertial: Array) -> Iterator[tuple[slice, Array]]:
         inner = model.stack(rec.q[part], rec.dq[part], rec.ddq[part])
         load = np.abs(np.tensordot(inertial, inner[: 10 * n], axes=1))
         speed = np.abs(dq) / fast
-        near, far = (state[:, part] for state in states)
-        slow = np.exp(-np.square(speed / 0.05))
+        near, far, nearest = (state[:, part] for state in states)
+        slow = np.exp(-np.square(speed / SLOW))
         shapes = (
             *(np.tanh(dq / (w * fast)) for w in WIDTHS),
-            near, far, near * slow, load * near, np.ones_like(load), dq * speed,
+            nearest, near, far, near * slow, load * near, np.ones_like(load), dq * speed,
         )  # fmt: skip
         stack = np.zeros((len(inner) + SHAPES * n, n, dq.shape[1]))
         stack[: len(inner)] = inner
@@ -246,16 +258,16 @@ def reference(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fits:
-    """Sums of products of a reference and of added columns, by block and joint."""
+    """Sums of products of a reference and of added columns, by block and regime of a joint."""
 
     sums: Array
-    """(BLOCKS, n, P + 1, P + 1): columns, then torque."""
-    rows: int
-    """T"""
+    """(BLOCKS, 2 n, P + 1, P + 1): columns, then torque."""
+    rows: Array
+    """(2 n) rows, at least one."""
     weights: Array
-    """(n) 1 over noise variance times correlation length, from the reference alone."""
+    """(2 n) 1 over noise variance times correlation length, from the reference alone."""
     counts: Array
-    """(n) independent rows."""
+    """(2 n) independent rows."""
     mean: Array
     """(p) prior mean."""
     precision: Array
@@ -263,14 +275,19 @@ class Fits:
     own: int
     """p, columns of the reference."""
 
+    @property
+    def usual(self) -> float:
+        """Independent rows of a joint: the median."""
+        return float(np.median(self.counts.reshape(2, -1).sum(axis=0)))
+
     def penalty(self, values: Array) -> float:
         """How unlikely parameters (p) are before anything was measured [nats]."""
         away = values - self.mean
         return 0.5 * float(away @ self.precision @ away)
 
 
-def correlation_length(error: Array) -> Array:
-    """(n) rows that count as one, from the autocorrelation of errors (n, T).
+def correlation_length(error: Array, rows: Mask | None = None) -> Array:
+    """(n) rows that count as one, from the autocorrelation of errors (n, T) that are 0 but in rows.
 
     The longer of two: errors that drift are seldom new, and of errors that swing (gears that
     vibrate) their power is (Bartlett 1935), though their sum soon vanishes.
@@ -279,38 +296,43 @@ def correlation_length(error: Array) -> Array:
     lags = count // 4
     # Zeros enough that no lag that is read wraps around.
     size = 1 << (count + lags).bit_length()
-    spectra = np.fft.rfft(error - error.mean(axis=1, keepdims=True), size)
-    products = np.fft.irfft(np.square(np.abs(spectra)))[:, :lags]
+    seen = np.ones(error.shape) if rows is None else rows.astype(np.float64)
+    mean = error.sum(axis=1, keepdims=True) / np.maximum(seen.sum(axis=1, keepdims=True), 1.0)
+    spectra = np.fft.rfft([(error - mean) * seen, seen], size)
+    products, pairs = np.fft.irfft(np.square(np.abs(spectra)))[:, :, :lags]
+    # White errors correlate by chance as much as there are pairs of rows.
+    chance = pairs / np.maximum(np.square(pairs[:, :1]), 1.0)
     out = np.ones(len(error))
     for j, auto in enumerate(products / np.maximum(products[:, :1], 1e-300)):
         stop = int(np.argmax(auto < 0.05)) or lags
-        power = np.square(auto[1:]) - 1 / count
+        power = np.square(auto[1:]) - chance[j, 1:]
         out[j] = max(1.0, 1 + 2 * float(auto[1:stop].sum()), 1 + 2 * float(power.sum()))
     return out
 
 
 def sums_of(ref: Reference, *added: Array) -> Array:
-    """(`BLOCKS`, n, P + 1, P + 1) sums of products of its columns and of added ones (m, n, T)."""
+    """(`BLOCKS`, 2 n, P + 1, P + 1) sums of products of its columns and added ones (m, n, T)."""
     everything = np.concatenate([ref.columns, *added, ref.torque[None]])
     everything = ref.recording.measured(everything)
     rows, n = everything.shape[-1], everything.shape[1]
     cuts = [k * rows // BLOCKS for k in range(BLOCKS + 1)]
-    sums = np.empty((BLOCKS, n, len(everything), len(everything)))
+    regimes = ref.regimes()
+    sums = np.empty((BLOCKS, 2 * n, len(everything), len(everything)))
     for k, (a, b) in enumerate(pairwise(cuts)):
-        for j in range(n):
-            part = everything[:, j, a:b]
+        for j, own in enumerate(regimes[:, a:b]):
+            part = everything[:, j % n, a:b][:, own]
             sums[k, j] = part @ part.T
     return sums
 
 
 def fits(ref: Reference) -> tuple[Fits, Array]:
     """Sums of a reference, weighted by what it leaves, and (p) its parameters."""
-    rows, n = ref.torque.shape[1], len(ref.torque)
+    rows = np.maximum(ref.regimes().sum(axis=1), 1.0)
     found = Fits(
         sums=sums_of(ref),
         rows=rows,
-        weights=1 / np.maximum(np.square(ref.torque).mean(axis=1), 1e-12),
-        counts=float(rows) * np.ones(n),
+        weights=np.tile(1 / np.maximum(np.square(ref.torque).mean(axis=1), 1e-12), 2),
+        counts=rows,
         mean=ref.mean,
         precision=ref.precision,
         own=len(ref.columns),
@@ -328,7 +350,8 @@ def settled(ref: Reference, found: Fits, sweeps: int) -> tuple[Fits, Array]:
     p, shapes = found.own, np.arange(found.own)[ref.shapes]
     widest = ref.precision[shapes, shapes]
     values = np.zeros(p)
-    least = LEAST_ERROR * np.square(ref.torque).mean(axis=1) + 1e-18
+    least = np.tile(LEAST_ERROR * np.square(ref.torque).mean(axis=1) + 1e-18, 2)
+    regimes = ref.regimes()
     sums = found.sums.sum(axis=0)
     for _ in range(sweeps):
         total = np.tensordot(found.weights, sums, axes=1)
@@ -337,9 +360,9 @@ def settled(ref: Reference, found: Fits, sweeps: int) -> tuple[Fits, Array]:
         )
         right = np.asarray(total[:p, -1] + found.precision @ found.mean, dtype=np.float64)
         values = covariance @ right
-        error = ref.left(values)
-        length = correlation_length(error)
-        variance = np.maximum(np.square(error).mean(axis=1), least)
+        error = np.tile(ref.left(values), (2, 1)) * regimes
+        length = correlation_length(error, regimes)
+        variance = np.maximum(np.square(error).sum(axis=1) / found.rows, least)
         precision = found.precision.copy()
         square = np.square(values[shapes]) + covariance[shapes, shapes]
         precision[shapes, shapes] = widest / np.clip(square * widest, NARROWEST**2, 1.0)
