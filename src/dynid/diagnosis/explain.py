@@ -82,7 +82,7 @@ def whole_signals(
     share = _share(ref, values)
     # The same for all joints: an exchange must not gain from joints that count differently.
     rows = _rows(rec)
-    counts = np.full(n, min(sums.usual, rows))
+    counts = np.full(n, min(float(np.median(sums.counts)), rows))
     own = _objective(_thin(rec), prior, counts)
     best: dict[str, WholeSignal] = {}
     for rival in _rivals(rec, sorted(np.argsort(-share)[:PAIRED].tolist())):
@@ -144,9 +144,7 @@ def _rivals(rec: Recording, paired: list[int]) -> Iterator[WholeSignal]:
         signals: list[Array] = [rec.tau[:, j] for j in range(n)]
         late: Array = np.column_stack([np.interp(rec.t + by, rec.t, x) for x in signals])
         changed = replace(rec, tau=late)
-        yield WholeSignal(
-            recording=changed, kind="clock_offset", joints=(), value=by, unit="s"
-        )
+        yield WholeSignal(recording=changed, kind="clock_offset", joints=(), value=by, unit="s")
     for joints in (*((j,) for j in range(n)), tuple(range(n))):
         sign = np.ones(n)
         sign[list(joints)] = -1.0
@@ -258,8 +256,7 @@ WHOLE_LIKELY, OFFSET_LIKELY = 24.0, 40.0
 """Drop that a signal needs that is reversed or exchanged: there are hundreds to choose from; and
 one that was shifted in time, which short motions without repetition bear better [nats]."""
 DRIVES, IMPOSSIBLE = -0.2, 48.0
-"""Power of friction, over all of a joint, that no friction has, and what it costs a fit where the
-torque of that joint is not reversed [nats]."""
+"""Power of friction, over all of a joint, that no friction has, and what it costs a fit [nats]."""
 EQUAL = 0.8
 """Share of the best explanation's score from which another cannot be told from it."""
 ALONE_SWEEPS = 4
@@ -323,7 +320,6 @@ def explain(
     if likely or _doubtful(ref, values):
         wholes = whole_signals(ref, sums, values, prior)
     wholes = [w for w in wholes if offsets or w.kind != "clock_offset"]
-    power = _friction_power(ref, values)
     best_drop = 0.0
     # A signal that is put right has to explain more than a fault of some size does.
     for rival in admitted[:1] if wholes else ():
@@ -335,8 +331,6 @@ def explain(
         other = _fitted(whole.recording, prior, added)
         drop = _drop(start, other)
         least = OFFSET_LIKELY if whole.kind == "clock_offset" else WHOLE_LIKELY
-        if whole.kind == "reversed" and power[list(whole.joints)].max() < DRIVES:
-            drop += IMPOSSIBLE
         if drop > max(best_drop, least):
             best_drop, recording, values = drop, whole.recording, other[2]
             found = [
@@ -393,8 +387,7 @@ def _ranked(fitted: _Fitted) -> tuple[list[Scored], Array]:
     firsts = np.cumsum([len(ref.columns), *(len(rival.columns) for rival in rivals)])
     alone = (_alone(ref, rivals[k], sums, int(firsts[k])) for k in worth)
     likely = sorted((s for s in alone if _likely(s)), key=lambda s: -s.score)
-    error, rows = (x.reshape(2, -1).sum(axis=0) for x in (left_out(sums)[0], sums.rows))
-    return likely, np.sqrt(error / rows)
+    return likely, np.sqrt(left_out(sums)[0] / sums.rows)
 
 
 def _drop(one: _Fitted, other: _Fitted) -> float:
@@ -403,13 +396,14 @@ def _drop(one: _Fitted, other: _Fitted) -> float:
     All joints count alike: an exchange must not gain from joints that count differently; nor does
     a gain, by torques that are smaller.
     """
-    count = other[1].usual
+    count = float(np.median(other[1].counts))
 
     def cost(ref: Reference, sums: Fits, values: Array) -> float:
-        left = (np.tile(np.square(ref.left(values)), (2, 1)) * ref.regimes()).sum(axis=1)
-        left = left / sums.rows / (np.tile(np.square(ref.torque).mean(axis=1), 2) + 1e-18) + 1e-18
-        share = sums.rows / ref.torque.shape[1]
-        return 0.5 * count * float(share @ np.log(left)) + sums.penalty(values)
+        left = np.square(ref.left(values)).mean(axis=1) + 1e-18
+        left = left / (np.square(ref.recording.tau).mean(axis=0) + 1e-18)
+        driven = int((_friction_power(ref, values) < DRIVES).sum())
+        unlikely = sums.penalty(values) + IMPOSSIBLE * driven
+        return 0.5 * count * float(np.log(left).sum()) + unlikely
 
     return cost(*one) - cost(*other)
 

@@ -35,8 +35,6 @@ FRICTION_SPREAD = 2.0
 """Standard deviation of a friction torque over that of the joint's torque."""
 NARROWEST = 1e-4
 """... after the recording, of a shape that it does not need: share of that before."""
-SLOW = 0.05
-"""Share of a joint's usual top speed below which friction is another, and so are errors."""
 LEAST_ERROR = 1e-7
 """Square of the error that counts as none, share of that of the torque: rounding."""
 
@@ -160,16 +158,6 @@ class Reference:
         error = self.torque - np.tensordot(values, self.columns, axes=1)
         return self.recording.measured(error)
 
-    def regimes(self) -> Mask:
-        """(2 n, T) rows of each joint in slow motion, then those in fast motion.
-
-        What friction no column says is an error of slow rows: it must not hide what fast ones show.
-        """
-        speed = np.abs(self.recording.dq.T)
-        fast = np.maximum(np.percentile(speed, 98, axis=1), 1e-6)[:, None]
-        slow = self.recording.average(speed) < SLOW * fast
-        return np.concatenate([slow, ~slow])
-
     def predicted(self, values: Array) -> Array:
         """(N, n) torques of parameters (p), nothing averaged."""
         rec = self.recording
@@ -199,7 +187,7 @@ def _parts(rec: Recording, inertial: Array) -> Iterator[tuple[slice, Array]]:
         load = np.abs(np.tensordot(inertial, inner[: 10 * n], axes=1))
         speed = np.abs(dq) / fast
         near, far, nearest = (state[:, part] for state in states)
-        slow = np.exp(-np.square(speed / SLOW))
+        slow = np.exp(-np.square(speed / 0.05))
         shapes = (
             *(np.tanh(dq / (w * fast)) for w in WIDTHS),
             nearest, near, far, near * slow, load * near, np.ones_like(load), dq * speed,
@@ -258,16 +246,16 @@ def reference(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fits:
-    """Sums of products of a reference and of added columns, by block and regime of a joint."""
+    """Sums of products of a reference and of added columns, by block and joint."""
 
     sums: Array
-    """(BLOCKS, 2 n, P + 1, P + 1): columns, then torque."""
-    rows: Array
-    """(2 n) rows, at least one."""
+    """(BLOCKS, n, P + 1, P + 1): columns, then torque."""
+    rows: int
+    """T"""
     weights: Array
-    """(2 n) 1 over noise variance times correlation length, from the reference alone."""
+    """(n) 1 over noise variance times correlation length, from the reference alone."""
     counts: Array
-    """(2 n) independent rows."""
+    """(n) independent rows."""
     mean: Array
     """(p) prior mean."""
     precision: Array
@@ -275,19 +263,14 @@ class Fits:
     own: int
     """p, columns of the reference."""
 
-    @property
-    def usual(self) -> float:
-        """Independent rows of a joint: the median."""
-        return float(np.median(self.counts.reshape(2, -1).sum(axis=0)))
-
     def penalty(self, values: Array) -> float:
         """How unlikely parameters (p) are before anything was measured [nats]."""
         away = values - self.mean
         return 0.5 * float(away @ self.precision @ away)
 
 
-def correlation_length(error: Array, rows: Mask | None = None) -> Array:
-    """(n) rows that count as one, from the autocorrelation of errors (n, T) that are 0 but in rows.
+def correlation_length(error: Array) -> Array:
+    """(n) rows that count as one, from the autocorrelation of errors (n, T).
 
     The longer of two: errors that drift are seldom new, and of errors that swing (gears that
     vibrate) their power is (Bartlett 1935), though their sum soon vanishes.
@@ -296,43 +279,38 @@ def correlation_length(error: Array, rows: Mask | None = None) -> Array:
     lags = count // 4
     # Zeros enough that no lag that is read wraps around.
     size = 1 << (count + lags).bit_length()
-    seen = np.ones(error.shape) if rows is None else rows.astype(np.float64)
-    mean = error.sum(axis=1, keepdims=True) / np.maximum(seen.sum(axis=1, keepdims=True), 1.0)
-    spectra = np.fft.rfft([(error - mean) * seen, seen], size)
-    products, pairs = np.fft.irfft(np.square(np.abs(spectra)))[:, :, :lags]
-    # White errors correlate by chance as much as there are pairs of rows.
-    chance = pairs / np.maximum(np.square(pairs[:, :1]), 1.0)
+    spectra = np.fft.rfft(error - error.mean(axis=1, keepdims=True), size)
+    products = np.fft.irfft(np.square(np.abs(spectra)))[:, :lags]
     out = np.ones(len(error))
     for j, auto in enumerate(products / np.maximum(products[:, :1], 1e-300)):
         stop = int(np.argmax(auto < 0.05)) or lags
-        power = np.square(auto[1:]) - chance[j, 1:]
+        power = np.square(auto[1:]) - 1 / count
         out[j] = max(1.0, 1 + 2 * float(auto[1:stop].sum()), 1 + 2 * float(power.sum()))
     return out
 
 
 def sums_of(ref: Reference, *added: Array) -> Array:
-    """(`BLOCKS`, 2 n, P + 1, P + 1) sums of products of its columns and added ones (m, n, T)."""
+    """(`BLOCKS`, n, P + 1, P + 1) sums of products of its columns and of added ones (m, n, T)."""
     everything = np.concatenate([ref.columns, *added, ref.torque[None]])
     everything = ref.recording.measured(everything)
     rows, n = everything.shape[-1], everything.shape[1]
     cuts = [k * rows // BLOCKS for k in range(BLOCKS + 1)]
-    regimes = ref.regimes()
-    sums = np.empty((BLOCKS, 2 * n, len(everything), len(everything)))
+    sums = np.empty((BLOCKS, n, len(everything), len(everything)))
     for k, (a, b) in enumerate(pairwise(cuts)):
-        for j, own in enumerate(regimes[:, a:b]):
-            part = everything[:, j % n, a:b][:, own]
+        for j in range(n):
+            part = everything[:, j, a:b]
             sums[k, j] = part @ part.T
     return sums
 
 
 def fits(ref: Reference) -> tuple[Fits, Array]:
     """Sums of a reference, weighted by what it leaves, and (p) its parameters."""
-    rows = np.maximum(ref.regimes().sum(axis=1), 1.0)
+    rows, n = ref.torque.shape[1], len(ref.torque)
     found = Fits(
         sums=sums_of(ref),
         rows=rows,
-        weights=np.tile(1 / np.maximum(np.square(ref.torque).mean(axis=1), 1e-12), 2),
-        counts=rows,
+        weights=1 / np.maximum(np.square(ref.torque).mean(axis=1), 1e-12),
+        counts=float(rows) * np.ones(n),
         mean=ref.mean,
         precision=ref.precision,
         own=len(ref.columns),
@@ -350,8 +328,7 @@ def settled(ref: Reference, found: Fits, sweeps: int) -> tuple[Fits, Array]:
     p, shapes = found.own, np.arange(found.own)[ref.shapes]
     widest = ref.precision[shapes, shapes]
     values = np.zeros(p)
-    least = np.tile(LEAST_ERROR * np.square(ref.torque).mean(axis=1) + 1e-18, 2)
-    regimes = ref.regimes()
+    least = LEAST_ERROR * np.square(ref.torque).mean(axis=1) + 1e-18
     sums = found.sums.sum(axis=0)
     for _ in range(sweeps):
         total = np.tensordot(found.weights, sums, axes=1)
@@ -360,9 +337,9 @@ def settled(ref: Reference, found: Fits, sweeps: int) -> tuple[Fits, Array]:
         )
         right = np.asarray(total[:p, -1] + found.precision @ found.mean, dtype=np.float64)
         values = covariance @ right
-        error = np.tile(ref.left(values), (2, 1)) * regimes
-        length = correlation_length(error, regimes)
-        variance = np.maximum(np.square(error).sum(axis=1) / found.rows, least)
+        error = ref.left(values)
+        length = correlation_length(error)
+        variance = np.maximum(np.square(error).mean(axis=1), least)
         precision = found.precision.copy()
         square = np.square(values[shapes]) + covariance[shapes, shapes]
         precision[shapes, shapes] = widest / np.clip(square * widest, NARROWEST**2, 1.0)
