@@ -176,6 +176,14 @@ def test_torques_of_another_clock_are_told_by_how_much(tmp_path: Path, late: int
     assert found.value == pytest.approx(late / RATE, abs=0.005)
 
 
+def test_noise_is_no_offset_of_clocks(tmp_path: Path) -> None:
+    """60 ms are 7.5 rows here: between two rows their noise averages out."""
+    record = recording(Wrong(seed=1))
+    noise = np.random.default_rng(1).normal(size=record.signals["effort"].shape)
+    noisy = {**record.signals, "effort": record.signals["effort"] + 100 * NOISE * noise}
+    assert findings_of(replace(record, signals=noisy), arm(tmp_path)) == ()
+
+
 @pytest.mark.parametrize("late", [2, 5])
 def test_a_common_delay_is_measured(tmp_path: Path, late: int) -> None:
     found = faults(tmp_path, Wrong(late=late, seconds=40.0))[0]

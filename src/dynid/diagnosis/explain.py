@@ -76,20 +76,13 @@ def whole_signals(
         prior: Of the inertial parameters.
 
     Returns:
-        The best first, at most `WHOLE_LOOKS`; nothing where the reference leaves little, with
-        inertias like the published ones.
+        The best first, at most `WHOLE_LOOKS`.
     """
-    error = np.square(ref.left(values)).mean(axis=1)
-    share = np.sqrt(error / np.maximum(np.square(ref.torque).mean(axis=1), 1e-300))
-    away, n = values - ref.mean, ref.recording.robot.joints
-    away[10 * n :] = 0.0
-    strange = 0.5 * float(away @ ref.precision @ away) > STRANGE * n
-    if share.max() < POOR and not strange and _friction_power(ref, values).min() > LEAST_POWER:
-        return []
-    rec = ref.recording
+    rec, n = ref.recording, ref.recording.robot.joints
+    share = _share(ref, values)
     # The same for all joints: an exchange must not gain from joints that count differently.
     rows = _rows(rec)
-    counts = np.full(len(sums.counts), min(float(np.median(sums.counts)), rows))
+    counts = np.full(n, min(float(np.median(sums.counts)), rows))
     own = _objective(_thin(rec), prior, counts)
     best: dict[str, WholeSignal] = {}
     for rival in _rivals(rec, sorted(np.argsort(-share)[:PAIRED].tolist())):
@@ -97,6 +90,21 @@ def whole_signals(
         if drop > (best[rival.kind].score if rival.kind in best else 0.0):
             best[rival.kind] = replace(rival, score=drop)
     return sorted(best.values(), key=lambda found: -found.score)[:WHOLE_LOOKS]
+
+
+def _share(ref: Reference, values: Array) -> Array:
+    """(n) RMS torque that the reference leaves, over that of the joint."""
+    error = np.square(ref.left(values)).mean(axis=1)
+    return np.sqrt(error / np.maximum(np.square(ref.torque).mean(axis=1), 1e-300))
+
+
+def _doubtful(ref: Reference, values: Array) -> bool:
+    """Whether the reference leaves much, or its inertias or friction are strange."""
+    away, n = values - ref.mean, ref.recording.robot.joints
+    away[10 * n :] = 0.0
+    strange = 0.5 * float(away @ ref.precision @ away) > STRANGE * n
+    drives = _friction_power(ref, values).min() < LEAST_POWER
+    return strange or drives or float(_share(ref, values).max()) > POOR
 
 
 def _friction_power(ref: Reference, values: Array) -> Array:
@@ -127,15 +135,16 @@ def _rivals(rec: Recording, paired: list[int]) -> Iterator[WholeSignal]:
             yield WholeSignal(
                 recording=changed, kind="mounting", joints=(), value=angle, unit="rad"
             )
-    for by in np.arange(-WIDEST_S, WIDEST_S + STEP_S, STEP_S):
+    # Whole samples: between two of them noise averages out, and every offset explains more.
+    step = float(rec.t[1] - rec.t[0])
+    for offset in np.arange(-WIDEST_S, WIDEST_S + STEP_S, STEP_S).tolist():
+        by = step * round(offset / step)
         if abs(by) < STEP_S / 2 or abs(by) > 0.15 * (rec.t[-1] - rec.t[0]):
             continue
         signals: list[Array] = [rec.tau[:, j] for j in range(n)]
         late: Array = np.column_stack([np.interp(rec.t + by, rec.t, x) for x in signals])
         changed = replace(rec, tau=late)
-        yield WholeSignal(
-            recording=changed, kind="clock_offset", joints=(), value=float(by), unit="s"
-        )
+        yield WholeSignal(recording=changed, kind="clock_offset", joints=(), value=by, unit="s")
     for joints in (*((j,) for j in range(n)), tuple(range(n))):
         sign = np.ones(n)
         sign[list(joints)] = -1.0
@@ -246,9 +255,8 @@ WORTH_A_LOOK, LOOKS = 4.0, 8
 WHOLE_LIKELY, OFFSET_LIKELY = 24.0, 40.0
 """Drop that a signal needs that is reversed or exchanged: there are hundreds to choose from; and
 one that was shifted in time, which short motions without repetition bear better [nats]."""
-DRIVES = -0.2
-"""Power of friction, over all of a joint, that no friction has: such a torque is reversed if that
-explains no less."""
+DRIVES, IMPOSSIBLE = -0.2, 48.0
+"""Power of friction, over all of a joint, that no friction has, and what it costs a fit [nats]."""
 EQUAL = 0.8
 """Share of the best explanation's score from which another cannot be told from it."""
 ALONE_SWEEPS = 4
@@ -304,24 +312,25 @@ def explain(
     n = recording.robot.joints
     found: list[Explanation] = []
     added: list[Hypothesis] = []
-    start = _fitted(recording, prior, added, prior[0])
+    start = _fitted(recording, prior, added)
     ref, sums, values = start
-    wholes = whole_signals(ref, sums, values, prior)
+    likely, left = _ranked(start)
+    admitted = [s for s in likely if _physical(s, found)]
+    wholes: list[WholeSignal] = []
+    if likely or _doubtful(ref, values):
+        wholes = whole_signals(ref, sums, values, prior)
     wholes = [w for w in wholes if offsets or w.kind != "clock_offset"]
-    power = _friction_power(ref, values)
     best_drop = 0.0
     # A signal that is put right has to explain more than a fault of some size does.
-    for rival in _ranked(start, found)[0][:1] if wholes else ():
+    for rival in admitted[:1] if wholes else ():
         known = rival.hypothesis
         undone = known.undo(recording, rival.values) if known.undo else recording
-        other = _fitted(undone, prior, [] if known.undo else [known], prior[0])
+        other = _fitted(undone, prior, [] if known.undo else [known])
         best_drop = max(0.0, _drop(start, other))
     for whole in wholes:
-        other = _fitted(whole.recording, prior, added, prior[0])
+        other = _fitted(whole.recording, prior, added)
         drop = _drop(start, other)
         least = OFFSET_LIKELY if whole.kind == "clock_offset" else WHOLE_LIKELY
-        if whole.kind == "reversed" and power[list(whole.joints)].max() < DRIVES:
-            least = 0.0
         if drop > max(best_drop, least):
             best_drop, recording, values = drop, whole.recording, other[2]
             found = [
@@ -334,7 +343,8 @@ def explain(
     while True:
         fitted = _fitted(recording, prior, added, values[: 10 * n])
         ref, _, values = fitted
-        admitted, left = _ranked(fitted, found)
+        likely, left = _ranked(fitted)
+        admitted = [s for s in likely if _physical(s, found)]
         if not admitted:
             break
         best = admitted[0].hypothesis
@@ -364,7 +374,7 @@ _Fitted = tuple[Reference, Fits, Array]
 """A reference, its own sums, and (p) its parameters."""
 
 
-def _ranked(fitted: _Fitted, found: list[Explanation]) -> tuple[list[Scored], Array]:
+def _ranked(fitted: _Fitted) -> tuple[list[Scored], Array]:
     """Explanations of some size that are likely, the best first.
 
     Also (n) the RMS error that the reference leaves in blocks left out [N.m or N].
@@ -372,13 +382,12 @@ def _ranked(fitted: _Fitted, found: list[Explanation]) -> tuple[list[Scored], Ar
     ref, own, values = fitted
     rivals = hypotheses(ref, values)
     sums = replace(own, sums=sums_of(ref, *(rival.columns for rival in rivals)))
-    likely = sorted(zip(drops(sums, rivals), range(len(rivals)), strict=True), reverse=True)
-    worth = [k for drop, k in likely[:LOOKS] if drop > WORTH_A_LOOK]
+    ranked = sorted(zip(drops(sums, rivals), range(len(rivals)), strict=True), reverse=True)
+    worth = [k for drop, k in ranked[:LOOKS] if drop > WORTH_A_LOOK]
     firsts = np.cumsum([len(ref.columns), *(len(rival.columns) for rival in rivals)])
     alone = (_alone(ref, rivals[k], sums, int(firsts[k])) for k in worth)
-    admitted = [scored for scored in alone if _admitted(scored, found)]
-    admitted.sort(key=lambda s: -s.score)
-    return admitted, np.sqrt(left_out(sums)[0] / sums.rows)
+    likely = sorted((s for s in alone if _likely(s)), key=lambda s: -s.score)
+    return likely, np.sqrt(left_out(sums)[0] / sums.rows)
 
 
 def _drop(one: _Fitted, other: _Fitted) -> float:
@@ -392,7 +401,9 @@ def _drop(one: _Fitted, other: _Fitted) -> float:
     def cost(ref: Reference, sums: Fits, values: Array) -> float:
         left = np.square(ref.left(values)).mean(axis=1) + 1e-18
         left = left / (np.square(ref.recording.tau).mean(axis=0) + 1e-18)
-        return 0.5 * count * float(np.log(left).sum()) + sums.penalty(values)
+        driven = int((_friction_power(ref, values) < DRIVES).sum())
+        unlikely = sums.penalty(values) + IMPOSSIBLE * driven
+        return 0.5 * count * float(np.log(left).sum()) + unlikely
 
     return cost(*one) - cost(*other)
 
@@ -431,8 +442,15 @@ def _same(found: Explanation, now: Hypothesis) -> bool:
 
 
 def _fitted(
-    recording: Recording, prior: tuple[Array, Array], added: list[Hypothesis], inertial: Array
+    recording: Recording,
+    prior: tuple[Array, Array],
+    added: list[Hypothesis],
+    inertial: Array | None = None,
 ) -> _Fitted:
+    """A fit; without parameters (10 n) that the load is taken from, with those of a first one."""
+    if inertial is None:
+        first = _fitted(recording, prior, added, prior[0])[2]
+        inertial = first[: 10 * recording.robot.joints]
     columns = np.concatenate([h.columns for h in added]) if added else None
     spread = np.concatenate([h.width for h in added]) if added else None
     ref = reference(recording, prior, inertial, columns, spread)
@@ -440,15 +458,19 @@ def _fitted(
     return ref, sums, values
 
 
-def _admitted(scored: Scored, found: list[Explanation]) -> bool:
-    known, size = scored.hypothesis, abs(scored.value)
-    # A size that was found before may be corrected downwards.
-    physical = scored.value > known.lowest or any(_same(item, known) for item in found)
+def _likely(scored: Scored) -> bool:
+    known = scored.hypothesis
     # Several sizes: one of them is large by chance more often.
     tail = 0.5 * BY_CHANCE / known.free
     certain = -float(scipy_part("special").stdtrit(BLOCKS - 1, tail))
-    sure = scored.certainty > certain and size > known.least
-    return physical and sure and scored.score > LIKELY and scored.evidence > EVIDENT
+    sure = scored.certainty > certain and abs(scored.value) > known.least
+    return sure and scored.score > LIKELY and scored.evidence > EVIDENT
+
+
+def _physical(scored: Scored, found: list[Explanation]) -> bool:
+    # A size that was found before may be corrected downwards.
+    known = scored.hypothesis
+    return scored.value > known.lowest or any(_same(item, known) for item in found)
 
 
 def _explanation(best: Scored, others: list[Scored], before: Explanation | None) -> Explanation:
