@@ -174,24 +174,15 @@ def untouched(ref: Reference, values: Array) -> tuple[Array, tuple[Contact, ...]
         values: (p) its parameters.
     """
     rec = ref.recording
-    error = _remainder(ref, values)
+    error = rec.tau - ref.predicted(values)
     held = _held(ref, values)
     suspected = contacts(rec, error, held, EASE)
     if not suspected:
         return error, ()
     rest = replace(ref, recording=rec.without(rows_of(suspected, rec.t)))
     _, values = fits(rest)
-    error = _remainder(ref, values)
+    error = rec.tau - ref.predicted(values)
     return error, contacts(rec, error, _held(ref, values), unsure=torque_deviations(rest, values))
-
-
-def _remainder(ref: Reference, values: Array) -> Array:
-    """(N, n) measured torques less those of parameters (p) and of the faults that were found."""
-    rec, first = ref.recording, ref.shapes.stop
-    faults = np.tensordot(values[first:], ref.columns[first:], axes=1)
-    middle = rec.average(rec.t)
-    between: list[Array] = [np.interp(rec.t, middle, torque) for torque in faults]
-    return rec.tau - ref.predicted(values) - np.column_stack(between)
 
 
 def rows_of(touched: tuple[Contact, ...], t: Array) -> Mask:

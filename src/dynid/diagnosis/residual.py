@@ -159,12 +159,15 @@ class Reference:
         return self.recording.measured(error)
 
     def predicted(self, values: Array) -> Array:
-        """(N, n) torques of parameters (p), nothing averaged."""
-        rec = self.recording
+        """(N, n) torques of parameters (p), added columns interpolated, the others in full."""
+        rec, first = self.recording, self.shapes.stop
         out = np.empty(rec.q.shape)
         for part, stack in _parts(rec, self.load):
             out[part] = np.tensordot(values[: len(stack)], stack, axes=1).T
-        return out - rec.model.known_torque(rec.q)
+        added = np.tensordot(values[first:], self.columns[first:], axes=1)
+        middle = rec.average(rec.t)
+        between: list[Array] = [np.interp(rec.t, middle, torque) for torque in added]
+        return out + np.column_stack(between) - rec.model.known_torque(rec.q)
 
 
 SHAPES, STEPPED = 9, 7
