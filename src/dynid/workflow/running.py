@@ -237,6 +237,8 @@ def run_design(
     """
     asked = settings or RunSettings()
     path = Path(output)
+    if path.suffix.lower() != ".parquet":
+        raise InputError("a recording is a file *.parquet", where="output", value=str(path))
     if on == SIMULATED and asked.method != RunSettings().method:
         raise InputError(
             "the simulated arm takes no streamed set points",
