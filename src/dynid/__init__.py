@@ -33,7 +33,7 @@ from __future__ import annotations
 
 import importlib
 import warnings
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.2.0.dev0"
@@ -254,6 +254,8 @@ def __getattr__(name: str) -> Any:
     found = (getattr(face, name, None) for face in faces)
     # A module of a package may be called as what another package offers.
     value = next(item for item in found if not isinstance(item, ModuleType | None))
+    if isinstance(value, FunctionType):
+        value = importlib.import_module("dynid.core").checked(value)
     globals()[name] = value
     return value
 

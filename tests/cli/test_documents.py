@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import inspect
 import re
 import shlex
 from functools import partial, reduce
@@ -44,7 +45,7 @@ def test_every_public_name_loads_from_where_it_lives() -> None:
     }
     assert set(seen_by_types) == set(dynid.__all__) - {"__version__"}
     for name, face in seen_by_types.items():
-        assert getattr(dynid, name) is getattr(importlib.import_module(face), name)
+        assert inspect.unwrap(getattr(dynid, name)) is getattr(importlib.import_module(face), name)
     assert set(dynid.__all__) <= set(dir(dynid))
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         dynid.nothing  # noqa: B018

@@ -20,6 +20,7 @@ from dynid.robot import Body, load_robot
 from dynid.trajectory import usable_bounds
 
 BALL = {"type": "sphere", "radius": 0.1, "position": [1, 0, 0]}
+BOX_1 = {"type": "box", "size": [1, 1, 1], "position": [2, 0, 0]}
 
 
 def scene(*shapes: Any, **more: Any) -> Any:
@@ -58,12 +59,25 @@ def test_a_scene_file_is_read(tmp_path: Path) -> None:
         ({"type": "sphere", "position": [0, 0, 1]}, "'radius' is missing"),
         ({"type": "wall", "point": [0, 0, 0], "normal": [0, 0, 0]}, "no length"),
         ({"type": "floor", "height": "low"}, "height must be a number"),
+        ({**BALL, "position": [600, 500, 250]}, r"shapes 1 \(sphere\): .*in metres; got 600 m"),
+        ({"type": "wall", "point": [900, 0, 0], "normal": [-1, 0, 0]}, "in metres; got 900 m"),
+        ({"type": "floor", "height": -750}, "in metres; got 750 m"),
+        ({**BOX_1, "rpy": [0, 0, 45]}, "'rpy' is in radians.*45"),
         ("floor", "must be a JSON object"),
     ],
 )
 def test_a_wrong_shape_is_named(shape: Any, message: str) -> None:
     with pytest.raises(InputError, match=message):
         scene(shape)
+
+
+def test_a_shape_that_no_pose_comes_near_is_told() -> None:
+    robot = load_robot("ur5")
+    judge = safe_constraints(robot, scene(BALL, {"type": "floor", "height": -75}))
+    told = [note for note in judge.notes if "out of reach" in note]
+    assert len(told) == 1
+    assert "'floor 2' is out of reach, about 74" in told[0]
+    assert "metres" in told[0]
 
 
 def test_wrong_files_are_named(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,10 @@ from gentle_motion import write_gentle
 
 from dynid.constraints import safe_constraints
 from dynid.core import JobError
+from dynid.drivers import inspect
+from dynid.drivers.ur.link import ScriptPort
 from dynid.drivers.ur.state import APPROACHING, DONE, MOVING, STATE
+from dynid.protocol import RuntimeState
 from dynid.robot import load_robot
 from dynid.trajectory import read_trajectory
 from dynid.workflow import DesignSettings, RunSettings, design, run_design
@@ -84,6 +88,22 @@ def test_who_is_asked_agrees_to_a_robot_that_stands_still(tmp_path: Path) -> Non
 
         with pytest.raises(JobError, match="has moved since it was checked"):
             run_design(path, tmp_path / "run.parquet", on=target, confirm=jog)
+
+
+def test_a_robot_that_others_use_by_the_time_of_the_word_stays_theirs(tmp_path: Path) -> None:
+    path = write_gentle(tmp_path / "design.json")
+    with controller_process("ur5", host=own_address(), virtual_time=True) as running:
+
+        def play(_: str, host: str) -> None:
+            with closing(ScriptPort(host)) as port:
+                port.send("def other():\n  while True:\n    sync()\n  end\nend\n")
+            while inspect(host).runtime_state != RuntimeState.PLAYING:
+                pass
+
+        with pytest.raises(JobError, match="not ready; program: playing"):
+            run_design(path, tmp_path / "run.parquet", on=f"ur://{running.host}", confirm=play)
+        assert inspect(running.host).runtime_state == RuntimeState.PLAYING
+    assert not list(tmp_path.glob("run*"))
 
 
 @pytest.mark.long

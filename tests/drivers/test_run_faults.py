@@ -236,6 +236,17 @@ class Terminal(io.StringIO):
         return True
 
 
+def test_a_run_that_is_refused_leaves_no_file(
+    controller: RunningController, fault: Fault, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with closing(RtdeLink(controller.host)) as other:
+        other.ask_inputs(["input_int_register_24"])
+        words = ["run", fault.design, "--on", f"ur://{controller.host}", "-o", fault.record]
+        assert main([*map(str, words), "--yes"]) == 1
+    assert "IN_USE" in capsys.readouterr().err
+    assert not list(fault.record.parent.glob("run*"))
+
+
 def test_nothing_moves_without_a_typed_word(
     controller: RunningController,
     fault: Fault,

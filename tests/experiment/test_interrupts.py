@@ -5,13 +5,24 @@ from __future__ import annotations
 import os
 import signal
 import threading
+from collections.abc import Iterator
 
 import pytest
 
 from dynid.experiment import interruptible, stop_on_signals
 
+SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+
+@pytest.fixture(autouse=True)
+def _a_terminal_that_can_close() -> Iterator[None]:
+    """Tests may run under nohup."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
+@pytest.mark.parametrize("number", SIGNALS)
 def test_a_signal_sets_the_event_and_raises_nothing(number: int) -> None:
     with stop_on_signals() as event:
         assert not event.is_set()
@@ -29,6 +40,13 @@ def test_afterwards_ctrl_c_is_what_it_was() -> None:
         os.kill(os.getpid(), signal.SIGINT)
 
 
+def test_under_nohup_a_terminal_that_closes_stops_nothing() -> None:
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    with stop_on_signals() as event:
+        os.kill(os.getpid(), signal.SIGHUP)
+        assert not event.wait(0.1)
+
+
 def test_in_another_thread_the_event_is_the_callers() -> None:
     seen: list[bool] = []
 
@@ -43,7 +61,7 @@ def test_in_another_thread_the_event_is_the_callers() -> None:
     assert seen == [True]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", SIGNALS)
 def test_a_question_can_be_left_by_a_signal(number: int) -> None:
     with stop_on_signals() as event:
         with pytest.raises(KeyboardInterrupt), interruptible():

@@ -103,6 +103,8 @@ def test_names_cannot_break_out_of_comments_and_strings(heavy: ExportModel) -> N
     tree = ast.parse(python_code(model, evil))
     found = [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
     assert [ast.unparse(node) for node in found] == ["import numpy as np"]
+    names = next(node for node in tree.body if isinstance(node, ast.Assign))
+    assert ast.literal_eval(names.value) == robot.joint_names
 
 
 @pytest.fixture(scope="module")

@@ -57,6 +57,17 @@ def drop(page: Page, name: str, content: bytes) -> str:
     return str(page.take_file(name, io.BytesIO(content), len(content))["words"])
 
 
+def test_what_the_flange_carries_is_drawn_as_it_is_judged(tmp_path: Path) -> None:
+    write_motion(tmp_path / "motion.json", size=0.1)
+    box = {"type": "box", "name": "gripper", "size": [0.1, 0.1, 0.2], "position": [0, 0, 0.15]}
+    (tmp_path / "cell.json").write_text(json.dumps({"shapes": [], "payload": [box]}))
+    page = Page(open_path(str(tmp_path)))
+    told = page.look_up("robot", lambda name: "")
+    page.close()
+    for kind in ("meshes", "bodies"):
+        assert [x["link"] for x in told[kind] if x["name"] == "gripper"] == [6]
+
+
 def test_run_then_identify_then_export_and_report(page: Page) -> None:
     folder = page.session.folder
     do(page, "run", target="sim", repeat=3, slow=False, file="record.parquet")

@@ -180,3 +180,13 @@ def test_refuses_nonsense(estimate: Estimate) -> None:
         contact_thresholds([zero], [zero])
     with pytest.raises(InputError, match="quantile"):
         contact_thresholds([zero], [zero], quantile=1.0)
+    # A threshold that is no number would never be crossed.
+    gone = np.full((40, 6), np.nan)
+    for residuals, velocities, message in (
+        ([gone], [np.zeros((40, 6))], "residuals is not finite"),
+        ([], [], "of the same samples"),
+        ([np.zeros((40, 6))], [np.zeros((40, 5))], "of the same samples"),
+        ([None], [None], "residuals"),
+    ):
+        with pytest.raises(InputError, match=message):
+            contact_thresholds(residuals, velocities)

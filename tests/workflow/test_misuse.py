@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -75,11 +77,20 @@ def test_reversed_torques_are_called_so(record: ExperimentRecord) -> None:
     assert "sign of the torques" in judged.headline
 
 
-def test_the_robot_of_another_record_is_noticed(alone: dynid.Identification) -> None:
+def test_the_robot_of_another_record_is_noticed(
+    alone: dynid.Identification, tmp_path: Path
+) -> None:
     other = simulated(2)
     foreign = replace(other, metadata=replace(other.metadata, robot="ur10"))
     kinds = {finding.kind for finding in dynid.validate(alone.estimate, foreign).warnings}
     assert "another_robot" in kinds
+    dynid.write_record(foreign, tmp_path / "ur10.parquet")
+    kinds = {f.kind for f in dynid.validate(alone.estimate, tmp_path / "ur10.parquet").warnings}
+    assert "another_robot" in kinds
+    found = dynid.identify(tmp_path / "ur10.parquet", "ur5", PAPER).warnings
+    assert [f.message for f in found if f.kind == "another_robot"] == [
+        "the record is of robot ur10, not of ur5"
+    ]
 
 
 def test_a_cutoff_that_the_rate_cannot_carry_is_refused(record: ExperimentRecord) -> None:
@@ -93,6 +104,69 @@ def test_what_is_no_recording_is_said() -> None:
         dynid.identify(["run.csv"], "ur5")
     with pytest.raises(InputError, match="not a recording or its file"):
         dynid.identify([3], "ur5")  # type: ignore[list-item]
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: dynid.identify(None, "ur5"), "'records' of dynid.identify; got NoneType; allowed"),
+        (lambda: dynid.identify("a", "ur5", {"preset": "paper"}), "'settings'.*got dict; allowed"),
+        (lambda: dynid.analyze("ur5", terms=None), "'terms'.*NoneType; allowed: str or Friction"),
+        (lambda: dynid.analyze("ur5", samples="9"), "'samples'.*str; allowed: a whole number, 0"),
+        (lambda: dynid.analyze("ur5", seed=-1), "'seed'.*-1; allowed: a whole number, 0 or more"),
+        (lambda: dynid.load_robot("ur5", mount=45), "'mount' of dynid.load_robot; got 45; allowed"),
+        (lambda: dynid.check(None), "'design' of dynid.check; got NoneType"),
+        (lambda: dynid.run_design("a.json", ""), r"output: .*\*\.parquet"),
+    ],
+)
+def test_arguments_of_a_wrong_kind_are_refused_by_name(
+    call: Callable[[], Any], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        call()
+
+
+def test_sequences_and_arrays_of_numbers_are_arguments(tmp_path: Path) -> None:
+    table = np.column_stack([np.arange(40) / 100, np.zeros((40, 12))])
+    names = ["t", *(f"q{j}" for j in range(6)), *(f"current{j}" for j in range(6))]
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=",".join(names), comments="")
+    for gains in (np.ones(6), [1] * 6, (1.0,) * 6):
+        found = dynid.read_recording([tmp_path / "a.csv"], robot="ur5", gains=gains)
+        assert found.metadata.drive_gains == (1.0,) * 6
+
+
+class Own(dynid.Estimator):
+    """Returns what it is given."""
+
+    def __init__(self, found: Any) -> None:
+        self.found = found
+
+    def fit(self, problem: dynid.IdentificationProblem) -> dynid.Fit:
+        return self.found(problem)
+
+
+def _fit(problem: dynid.IdentificationProblem, **changed: Any) -> dynid.Fit:
+    r, n = problem.base.rank, 6
+    right = {"values": np.ones(r), "noise": np.ones(n), "weights": np.ones(n)}
+    return dynid.Fit(**{**right, "information": np.eye(r), **changed})
+
+
+@pytest.mark.parametrize(
+    ("estimator", "message"),
+    [
+        (Own, "derives from dynid.Estimator"),
+        (Own(lambda _: np.zeros(3)), "Own.fit: returned no Fit; got ndarray; allowed: dynid.Fit"),
+        (Own(lambda p: _fit(p, values=np.ones(3))), r"Own.fit: values has the wrong shape.*\(3,\)"),
+        (Own(lambda p: _fit(p, noise=np.full(6, np.nan))), "Own.fit: noise is not finite"),
+    ],
+)
+def test_an_estimator_of_ones_own_is_told_what_is_wrong(
+    record: ExperimentRecord, estimator: Any, message: str
+) -> None:
+    for preset in ("paper", "best"):
+        settings = dynid.IdentifySettings(preset=preset, estimator=estimator)
+        with pytest.raises(InputError, match=message):
+            dynid.identify(record, "ur5", settings)
 
 
 def test_names_stand_for_robots() -> None:

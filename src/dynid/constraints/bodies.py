@@ -299,6 +299,8 @@ def _reachable(
 ) -> Indices:
     """The pairs that are judged of all with the scene (P, 2); arguments as in `_free_pairs`.
 
+    Shapes that are farther away than the arm is long are told: lengths in another unit are.
+
     Bodies beside the base that are near a shape and cannot touch it, such as the shoulder of an
     arm that stands on the floor, are left out.
 
@@ -306,7 +308,15 @@ def _reachable(
         InputError: A body of a moving link is in a shape in every pose.
     """
     kept = np.ones(len(around), dtype=bool)
-    for k, row in enumerate(bodies.distances(poses, around).T):
+    far = bodies.distances(poses, around).T
+    for shape in np.unique(around[:, 0]):
+        least = float(far[around[:, 0] == shape].min())
+        if least > bodies.arm.offsets.sum():
+            notes.append(
+                f"'{names[shape]}' is out of reach, about {least:.3g} m from the arm at least"
+                " (lengths are in metres)"
+            )
+    for k, row in enumerate(far):
         a, b = (int(x) for x in around[k])
         if row.max() <= 0:
             raise InputError(

@@ -22,7 +22,8 @@ class Shape:
     A half-space is what lies below its own xy plane; a cylinder stands along its own z axis.
 
     Raises:
-        InputError: An unknown kind, or sizes that are not positive and finite.
+        InputError: An unknown kind, sizes that are not positive and finite, or a shape that is
+            hundreds of metres large or away: one in millimetres.
     """
 
     name: str
@@ -41,6 +42,14 @@ class Shape:
         needed = (0, 3, 2, 1)[self.kind]
         if not all(math.isfinite(x) and x > 0 for x in self.size[:needed]):
             raise InputError("sizes must be positive", where=self.name)
+        most = float(np.abs([*self.pose[:3, 3], *self.size]).max())
+        if most > _FARTHEST:
+            raise InputError(
+                "sizes and places are in metres",
+                where=self.name,
+                value=f"{most:g} m",
+                limit=f"{_FARTHEST:g} m",
+            )
 
 
 def body_of(shape: Shape, link: int = 0, frame: Array | None = None) -> Body:
@@ -63,6 +72,7 @@ def body_of(shape: Shape, link: int = 0, frame: Array | None = None) -> Body:
 
 
 MOST_SHAPES = 500
+_FARTHEST = 100.0
 _TABLE = 0.05
 _KEYS = {
     "floor": ("height",),
@@ -165,6 +175,8 @@ def _solid(kind: str, fields: JsonFields) -> tuple[int, Array, Array]:
     if kind == "wall":
         return HALF_SPACE, _facing(_three(fields, "point"), _three(fields, "normal")), np.zeros(3)
     rpy = _three(fields, "rpy") if "rpy" in fields.values else np.zeros(3)
+    if (np.abs(rpy) > 2 * math.pi).any():
+        raise InputError("'rpy' is in radians", value=rpy.tolist(), limit="2 pi")
     pose = from_xyz_rpy(_three(fields, "position").tolist(), rpy.tolist())
     if kind == "box":
         return BOX, pose, _three(fields, "size") / 2
@@ -202,7 +214,6 @@ def _some(fields: JsonFields, key: str, count: int) -> Array:
 
 FLOORS = ("mount", "none")
 MARGIN_KINDS = ("velocity", "torque", "tcp_speed", "elbow_speed", "momentum", "power")
-_FARTHEST = 100.0
 _UPRIGHT = 0.9
 
 

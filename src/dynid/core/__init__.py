@@ -38,6 +38,7 @@ from dynid.core.findings import silent as silent
 from dynid.core.findings import told as told
 
 if TYPE_CHECKING:
+    from dynid.core.arguments import checked as checked
     from dynid.core.arrays import Array as Array
     from dynid.core.arrays import Indices as Indices
     from dynid.core.arrays import Mask as Mask
@@ -64,6 +65,7 @@ if TYPE_CHECKING:
     from dynid.core.parallel import workers as workers
 
 _LATER = {
+    "arguments": "checked",
     "arrays": (
         "Array Indices Mask freeze frozen inverse_upper read_arrays read_only scipy_part "
         "solve_upper upper_triangle write_arrays"

@@ -191,14 +191,19 @@ def watch_limits(robot: RobotModel) -> WatchLimits:
     )
 
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @contextmanager
 def _signals_to(handler: Callable[[int, FrameType | None], object]) -> Generator[None]:
-    """SIGINT and SIGTERM for a handler; outside the main thread signals cannot be caught."""
+    """SIGINT, SIGTERM and SIGHUP (a terminal that closes, without `nohup`) for a handler.
+
+    Outside the main thread signals cannot be caught.
+    """
     main = threading.current_thread() is threading.main_thread()
-    before = {number: signal.signal(number, handler) for number in _SIGNALS if main}
+    ignored = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    numbers = _SIGNALS[:2] if ignored else _SIGNALS
+    before = {number: signal.signal(number, handler) for number in numbers if main}
     try:
         yield
     finally:
@@ -208,7 +213,7 @@ def _signals_to(handler: Callable[[int, FrameType | None], object]) -> Generator
 
 @contextmanager
 def stop_on_signals() -> Generator[threading.Event]:
-    """Turn SIGINT and SIGTERM into an event for as long as the context lasts.
+    """Turn SIGINT, SIGTERM and SIGHUP into an event for as long as the context lasts.
 
     The robot is then stopped and the recording closed in good order, wherever the program is.
     Outside the main thread the event is for the caller alone.

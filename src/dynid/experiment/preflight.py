@@ -255,6 +255,8 @@ _E_SERIES = 5
 _SLIDER = 1e-3
 _STILL = 1e-3
 _MASS, _COG, _TCP = 0.01, 0.005, 0.005
+_ANSWER_S = 0.5
+"""A controller that answers later would hear of a stop too late [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,6 +305,7 @@ def check_robot(
     program = mode_name(RuntimeState, state.runtime_state)
     remote = {None: "no such switch", True: "on", False: "off: switch it on at the pendant"}
     slider, speed = state.speed_fraction, float(np.abs(state.target_qd).max())
+    late = state.round_trip_s
     return (
         _model(plan.robot.name, state),
         PreflightCheck("rate", plan.rate_hz == state.rate_hz, f"{state.rate_hz:g} cycles a second"),
@@ -312,6 +315,9 @@ def check_robot(
         PreflightCheck("remote control", state.remote is not False, remote[state.remote]),
         PreflightCheck("speed slider", abs(slider - 1.0) <= _SLIDER, f"{100 * slider:.4g} %"),
         PreflightCheck("at rest", speed <= _STILL, f"{speed:.3g} rad/s"),
+        PreflightCheck(
+            "network", late <= _ANSWER_S, f"an answer took {late:.3f} s of at most {_ANSWER_S} s"
+        ),
         _payload(plan.robot.tool, state),
         _tool(plan.robot.tool, state),
         _approach(approach),

@@ -293,7 +293,7 @@ def _python_friction(model: ExportModel, words: list[str]) -> str:
 
 
 def _constants(model: ExportModel) -> Iterator[str]:
-    yield f"JOINT_NAMES = {tuple(_safe(name) for name in model.robot.joint_names)!r}"
+    yield f"JOINT_NAMES = {model.robot.joint_names!r}"
     yield f"JOINTS = {model.joints}"
     for comment, name, value in arrays(model):
         if comment:

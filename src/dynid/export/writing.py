@@ -250,7 +250,7 @@ def write_model(estimate: EstimateLike, path: str | Path, to: str) -> ExportedFi
     if str(path) in FORMATS and to not in FORMATS:
         # The order of release 0.1, for one release.
         old = "write_model(estimate, to, path) is now write_model(estimate, path, to)"
-        warnings.warn(old, DeprecationWarning, stacklevel=2)
+        warnings.warn(old, DeprecationWarning, stacklevel=3)
         path, to = to, str(path)
     estimate = open_estimate(estimate)
     if to not in FORMATS:

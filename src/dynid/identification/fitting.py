@@ -123,7 +123,7 @@ def plan_pass(
     """
     base = reduce_model(model)
     problem = IdentificationProblem(base=base, samples=samples)
-    fit = estimator.fit(problem)
+    fit = estimator.checked_fit(problem)
     residual = problem.residual(fit.values)
     floor = np.zeros(base.rank)
     if least_squares.autocorrelation(residual, 1).max() > statistics.MODEL_CORRELATION:
@@ -198,7 +198,7 @@ def fit_estimate(
     problem, cells, sums = part, None, None
     if everything is not None:
         problem, cells, sums = everything.problem(part), everything.cells, everything.sums
-    fit = estimator.fit(problem)
+    fit = estimator.checked_fit(problem)
     if everything is None:
         covariance = statistics.hac_covariance(fit, problem)
         rho = least_squares.autocorrelation(problem.residual(fit.values), 1)

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynid.core import Array, Indices, InputError, JobError, solve_upper, upper_triangle
+from dynid.core import Array, Indices, InputError, JobError, frozen, solve_upper, upper_triangle
 from dynid.identification.problem import IdentificationProblem, joint_factors
 
 PRIOR_GAIN = 1.0
@@ -61,7 +61,7 @@ class Estimator(ABC):
     by_factors: ClassVar[bool] = False
     """Whether `joint_factors` are all that it needs of the rows."""
 
-    name: ClassVar[str]
+    name: ClassVar[str] = "own"
     """The word of `--estimator`."""
 
     @abstractmethod
@@ -71,6 +71,24 @@ class Estimator(ABC):
         Raises:
             JobError: The normal equations are singular to working precision.
         """
+
+    def checked_fit(self, problem: IdentificationProblem) -> Fit:
+        """As `fit`, of which users may have written their own.
+
+        Raises:
+            InputError: No `Fit`, or one with numbers that are not finite or of a wrong shape.
+        """
+        fit = self.fit(problem)
+        where = f"{type(self).__name__}.fit"
+        if not isinstance(fit, Fit):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise InputError(
+                "returned no Fit", where=where, value=type(fit).__name__, limit="dynid.Fit"
+            )
+        n, r = problem.samples.joints, problem.base.rank
+        shapes = {"values": (r,), "noise": (n,), "weights": (n,), "information": (r, r)}
+        for name, shape in shapes.items():
+            frozen(getattr(fit, name), shape=shape, name=f"{where}: {name}")
+        return fit
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -194,7 +194,7 @@ def with_ripple(
         return model
     base = reduce_model(model)
     problem = IdentificationProblem(base=base, samples=samples)
-    fit = estimator.fit(problem)
+    fit = estimator.checked_fit(problem)
     predicted = model.inverse_dynamics(
         samples.q, samples.dq, samples.ddq, base.to_standard(fit.values), problem.state
     )

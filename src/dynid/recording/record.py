@@ -246,7 +246,8 @@ def of_robot(
             order = tuple(names.index(name) for name in robot.joint_names)
             own = None if own is None else tuple(own[k] for k in order)
             found = replace(found, joint_names=robot.joint_names, drive_gains=own)
-        found = replace(found, robot=robot.name)
+        # A recording that says of which robot it is can be given to another one by mistake.
+        found = replace(found, robot=found.robot or robot.name)
     return found, order
 
 

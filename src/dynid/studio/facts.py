@@ -62,8 +62,10 @@ def encoded(values: Array | Indices) -> str:
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
 
 
-def robot(model: RobotModel, meshes: tuple[LinkMesh, ...]) -> dict[str, Any]:
-    """The arm: how it moves, and what it looks like."""
+def robot(
+    model: RobotModel, meshes: tuple[LinkMesh, ...], carried: tuple[LinkMesh, ...] = ()
+) -> dict[str, Any]:
+    """The arm: how it moves, and what it and what it carries look like."""
     low, high = model.limits.lower, model.limits.upper
     # Of what is drawn of joints without limits.
     widest = np.where(model.prismatic, 2.0, 2 * np.pi)
@@ -79,8 +81,8 @@ def robot(model: RobotModel, meshes: tuple[LinkMesh, ...]) -> dict[str, Any]:
         "gravity": model.gravity.tolist(),
         "standing": model.mount == "floor",
         "reach": reach(model),
-        "meshes": [_mesh(item) for item in meshes],
-        "bodies": [_mesh(item) for item in arm_meshes(model)],
+        "meshes": [_mesh(item) for item in (*meshes, *carried)],
+        "bodies": [_mesh(item) for item in (*arm_meshes(model), *carried)],
     }
 
 

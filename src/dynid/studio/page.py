@@ -21,7 +21,7 @@ from dynid.studio.jobs import Job, JobState, Supervisor
 from dynid.studio.live import TailReader
 from dynid.studio.scene_editing import KINDS, SceneEditor, open_scene
 from dynid.studio.session import Opened, Session, file_in, free_name, kind_of, open_path
-from dynid.studio.solids import robot_meshes
+from dynid.studio.solids import carried_meshes, robot_meshes
 
 FILES = {
     "design": "design.json",
@@ -117,7 +117,9 @@ class Page:
         if what == "state":
             return self.state()
         if what == "robot":
-            return facts.robot(session.robot, self.meshes) | {"notes": self.notes}
+            judge = session.constraints
+            carried = () if judge is None else carried_meshes(judge)
+            return facts.robot(session.robot, self.meshes, carried) | {"notes": self.notes}
         if what == "scene":
             with session.lock:
                 return facts.scene_shapes(session.editor)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.constraints import HALF_SPACE, Shape, body_of
+from dynid.constraints import HALF_SPACE, MotionConstraints, Shape, body_of, surrounded
 from dynid.core import Array, DynidError, Indices, scipy_part
 from dynid.robot import Body, RobotModel, box_points, urdf_shapes
 
@@ -39,6 +39,17 @@ def arm_meshes(robot: RobotModel) -> tuple[LinkMesh, ...]:
         LinkMesh(name=body.name, link=body.link, vertices=vertices, faces=faces)
         for body in robot.bodies or _sticks(robot)
         for vertices, faces in [body.surface()]
+    )
+
+
+def carried_meshes(constraints: MotionConstraints) -> tuple[LinkMesh, ...]:
+    """What the flange carries, as it is judged: the scene's payload, and rods of the tool."""
+    robot = constraints.robot
+    scene = surrounded(constraints.settings, robot.tool).scene
+    return tuple(
+        LinkMesh(name=shape.name, link=robot.joints, vertices=vertices, faces=faces)
+        for shape in (scene.payload if scene else ())
+        for vertices, faces in [body_of(shape, robot.joints, robot.flange).surface()]
     )
 
 

@@ -193,7 +193,7 @@ def random_excitation(
         warnings.warn(
             "random_excitation(period) is now random_excitation(period_s)",
             DeprecationWarning,
-            stacklevel=2,
+            stacklevel=3,
         )
         period_s = period
     bounds = usable_bounds(limits, acceleration)

@@ -157,7 +157,7 @@ def write_trajectory(
     if isinstance(trajectory, str | Path):  # pyright: ignore[reportUnnecessaryIsInstance]
         # The order of release 0.1, for one release.
         old = "write_trajectory(path, trajectory) is now write_trajectory(trajectory, path)"
-        warnings.warn(old, DeprecationWarning, stacklevel=2)
+        warnings.warn(old, DeprecationWarning, stacklevel=3)
         trajectory, path = cast("Trajectory", path), trajectory
     if limits.joints != trajectory.joints:
         raise InputError("joints of the limits", value=limits.joints, limit=trajectory.joints)

@@ -161,10 +161,15 @@ def contact_thresholds(
     """
     if not (0.0 < quantile < 1.0 and margin >= 1.0):
         raise InputError("quantile in (0, 1) and margin of at least 1", value=(quantile, margin))
-    size = np.abs(np.vstack(list(residuals)))
-    speed = np.vstack([recent_speed(one) for one in velocities])
-    if len(size) < _LEAST_SAMPLES or size.shape != speed.shape:
-        raise InputError("samples of free motion", value=size.shape, limit=_LEAST_SAMPLES)
+    known = [frozen(one, shape=(None, None), name="residuals") for one in residuals]
+    moved = [frozen(one, shape=(None, None), name="velocities") for one in velocities]
+    if not known or [one.shape for one in known] != [one.shape for one in moved]:
+        value = [one.shape for one in known], [one.shape for one in moved]
+        raise InputError("residuals and velocities of the same samples", value=value)
+    size, speed = np.abs(np.vstack(known)), np.vstack([recent_speed(one) for one in moved])
+    least = frozen(noise, shape=np.shape(noise), name="noise")
+    if len(size) < _LEAST_SAMPLES:
+        raise InputError("samples of free motion", value=len(size), limit=_LEAST_SAMPLES)
     limits = np.empty((len(SPEEDS), size.shape[1]))
     for joint in range(size.shape[1]):
         for row, slowest in enumerate(SPEEDS):
@@ -176,7 +181,7 @@ def contact_thresholds(
             if np.count_nonzero(chosen) < _LEAST_SAMPLES:
                 chosen = np.ones(len(size), dtype=np.bool_)
             limits[row, joint] = margin * np.quantile(size[chosen, joint], quantile)
-    limits = np.maximum(limits, _LEAST_NOISE * np.asarray(noise, dtype=np.float64))
+    limits = np.maximum(limits, _LEAST_NOISE * least)
     falling = np.maximum.accumulate(limits[::-1])[::-1]
     return ContactThresholds(
         speeds=read_only(np.array(SPEEDS)), limits=read_only(falling), samples=len(size)

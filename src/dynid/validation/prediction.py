@@ -17,7 +17,8 @@ from dynid.identification import (
     motion_state,
     open_estimate,
 )
-from dynid.recording import ExperimentRecord, RecordLike, identity, open_record
+from dynid.recording import ExperimentRecord, RecordLike, RecordMetadata, identity, open_record
+from dynid.robot import RobotModel, builtin_names
 from dynid.signals import (
     ProcessingSettings,
     Samples,
@@ -254,7 +255,7 @@ def validate(
     found = (
         *another_payload(estimate, samples, error),
         *_seen_before(estimate, record, start_s, stop_s),
-        *_another_robot(estimate, record),
+        *another_robot(robot, record.metadata),
         *result.warnings,
     )
     split = transfer_report(estimate, samples, error)
@@ -326,12 +327,13 @@ def _seen_before(
     )
 
 
-def _another_robot(estimate: Estimate, record: ExperimentRecord) -> tuple[Finding, ...]:
-    named, known = record.metadata.robot, estimate.model.robot.name
-    # Only a built-in robot's name says which one it is.
-    if named is None or not named.isalnum() or named == known:
+def another_robot(robot: RobotModel, record: RecordMetadata) -> tuple[Finding, ...]:
+    """Whether a record says that it is of another built-in robot: only their names tell."""
+    named = {str(record.robot), robot.name}
+    if len(named) == 1 or not named <= set(builtin_names()):
         return ()
-    return (Finding("another_robot", f"the record is of robot {named}, the estimate of {known}"),)
+    text = f"the record is of robot {record.robot}, not of {robot.name}"
+    return (Finding("another_robot", text),)
 
 
 def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:

@@ -38,6 +38,13 @@ def _estimator(
     """The estimator that settings ask for, or the one that was chosen (None: preset `paper`)."""
     if isinstance(settings.estimator, identification.Estimator):
         return settings.estimator
+    if not isinstance(settings.estimator, str | None):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise InputError(
+            "an estimator of your own is an object of a class that derives from dynid.Estimator",
+            where="estimator",
+            value=type(settings.estimator).__name__,
+            next_step="Write it as examples/own_estimator.py does.",
+        )
     weight = 0.0 if choice is None else choice.near_weights[-1]
     gain = None if choice is None else identification.PRIOR_GAIN
     word = settings.estimator or ("ols" if choice is None else "wls")

@@ -21,7 +21,7 @@ from dynid.identification import Estimate
 from dynid.robot import RobotLike, RobotModel, load_robot
 from dynid.settings import IdentifySettings
 from dynid.trajectory import JointMotion
-from dynid.validation import ValidationResult, reproduce, validate
+from dynid.validation import ValidationResult, another_robot, reproduce, validate
 from dynid.workflow.choosing import (
     asked_processing,
     made_from,
@@ -218,7 +218,7 @@ def identify(
         for record in (*several, *fitted.records):
             warnings += [
                 notice
-                for notice in record.problems
+                for notice in (*another_robot(robot, record.metadata), *record.problems)
                 if notice not in warnings and (notice.kind, notice.joints) not in named
             ]
         if other is not None:

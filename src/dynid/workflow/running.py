@@ -237,6 +237,8 @@ def run_design(
     """
     asked = settings or RunSettings()
     path = Path(output)
+    if path.suffix.lower() != ".parquet":
+        raise InputError("a recording is a file *.parquet", where="output", value=str(path))
     if on == SIMULATED and asked.method != RunSettings().method:
         raise InputError(
             "the simulated arm takes no streamed set points",
@@ -321,16 +323,18 @@ def _made_ready(
             for step in plan.passes()
         ]
         confirm("\n".join(f"- {line}" for line in lines), state.host)
-        # The way was planned from where the robot stood before a person thought it over.
-        away = float(np.abs(drivers.inspect(state.host).q - state.q).max())
-        if away > MOVED:
-            raise JobError(
-                "the robot has moved since it was checked",
-                where=state.host,
-                value=f"{away:.3g} rad",
-                limit=f"{MOVED:g} rad",
-                next_step="Start again.",
-            )
+    # Planning and a person who thinks take time, in which others may have used the robot.
+    now = drivers.inspect(state.host)
+    require_ready(check_robot(plan, now, approach), state.host)
+    away = float(np.abs(now.q - state.q).max())
+    if away > MOVED:
+        raise JobError(
+            "the robot has moved since it was checked",
+            where=state.host,
+            value=f"{away:.3g} rad",
+            limit=f"{MOVED:g} rad",
+            next_step="Start again.",
+        )
     return replace(plan, via=approach.via)
 
 
@@ -412,17 +416,19 @@ def _execute(
         )
         return opened[0]
 
-    result = run(plan, driver, open_recorder, cancel=cancel, progress=progress)
+    try:
+        result = run(plan, driver, open_recorder, cancel=cancel, progress=progress)
+    finally:
+        if opened and opened[0].saved_samples < 2:
+            # One row is no recording: nothing is kept, and nothing lies about.
+            partial_path(path).unlink(missing_ok=True)
     if not opened:
         return Run(result=result, record=None, design=loaded)
     # What was appended need not have been written: the disk is what counts.
     samples, record = opened[0].saved_samples, opened[0].record_path
     abort, outcome = result.outcome.abort, result.outcome
     if abort is not None:
-        if samples < 2:
-            # One row is no recording: nothing is kept, and nothing lies about.
-            partial_path(path).unlink(missing_ok=True)
-        elif record.suffix == path.suffix:
+        if samples >= 2 and record.suffix == path.suffix:
             _mark_aborted(record, abort)
         whole = int(samples / (plan.trajectory.duration * plan.rate_hz))
         outcome = replace(outcome, samples=samples, periods=min(outcome.periods, whole))

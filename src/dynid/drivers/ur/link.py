@@ -40,7 +40,10 @@ class RtdeLink:
                 self._ask(Kind.REQUEST_PROTOCOL_VERSION, rtde.request_protocol(2))
             ):
                 raise ProtocolError("the controller has no RTDE protocol 2", where=host)
+            asked = time.monotonic()
             reply = self._ask(Kind.GET_URCONTROL_VERSION, rtde.frame(Kind.GET_URCONTROL_VERSION))
+            self.round_trip_s = time.monotonic() - asked
+            """How long the network and the controller took for an answer [s]."""
             self.version = rtde.read_software_version(reply)
             """Major, minor, bugfix and build number of its software."""
         except BaseException:

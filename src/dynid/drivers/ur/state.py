@@ -162,6 +162,8 @@ class ControllerState:
     """(3) its centre in the flange's frame [m]; None if it does not say."""
     tcp_offset: Array | None = None
     """(3) the tool's point in the flange's frame [m]; None if it does not say."""
+    round_trip_s: float = 0.0
+    """How long it took to answer [s]: so late a stop arrives."""
 
 
 def inspect(host: str) -> ControllerState:
@@ -177,7 +179,7 @@ def inspect(host: str) -> ControllerState:
         packages = link.packages()
         while not packages:
             packages = link.packages()
-        version, rate_hz = link.version, link.rate_hz
+        version, rate_hz, round_trip_s = link.version, link.rate_hz, link.round_trip_s
     values = recipe.by_name(packages[-1])
     model, remote = _dashboard(host, version)
 
@@ -203,6 +205,7 @@ def inspect(host: str) -> ControllerState:
         payload=number("payload") if "payload" in values else None,
         payload_cog=vector("payload_cog", 3) if "payload_cog" in values else None,
         tcp_offset=vector("tcp_offset")[:3] if "tcp_offset" in values else None,
+        round_trip_s=round_trip_s,
     )
 
 

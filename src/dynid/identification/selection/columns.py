@@ -208,7 +208,7 @@ def without_negative(
     """
     while True:
         base = reduce_model(model)
-        values = estimator.fit(IdentificationProblem(base=base, samples=samples)).values
+        values = estimator.checked_fit(IdentificationProblem(base=base, samples=samples)).values
         driving = {
             name
             for name, value in zip(base.names, values, strict=True)
@@ -225,7 +225,7 @@ def _inertial_parameters(
 ) -> Array:
     """(10 n) inertial parameters of a fit, zero outside the base."""
     base = reduce_model(model)
-    fit = estimator.fit(IdentificationProblem(base=base, samples=samples))
+    fit = estimator.checked_fit(IdentificationProblem(base=base, samples=samples))
     return base.to_standard(fit.values)[: 10 * model.robot.joints]
 
 
