@@ -58,6 +58,14 @@ def test_a_reversed_torque_is_named(tmp_path: Path, joint: int) -> None:
     assert (found.kind, found.joints, found.severity) == ("reversed", (joint,), "error")
 
 
+@pytest.mark.parametrize("joint", [0, 1, 2])
+def test_a_reversed_torque_is_named_beside_an_unknown_payload(tmp_path: Path, joint: int) -> None:
+    scales = [1.0, 1.0, 1.0]
+    scales[joint] = -1.0
+    found = faults(tmp_path, Wrong(scales=(scales[0], scales[1], scales[2]), carried=2.0))
+    assert ("reversed", (joint,)) in {(f.kind, f.joints) for f in found}
+
+
 def test_absolute_torques_are_no_reversed_ones(tmp_path: Path) -> None:
     record = recording(Wrong())
     absolute = {**record.signals, "effort": np.abs(record.signals["effort"])}

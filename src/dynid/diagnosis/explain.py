@@ -312,39 +312,20 @@ def explain(
     n = recording.robot.joints
     found: list[Explanation] = []
     added: list[Hypothesis] = []
-    start = _fitted(recording, prior, added)
-    ref, sums, values = start
-    likely, left = _ranked(start)
-    admitted = [s for s in likely if _physical(s, found)]
-    wholes: list[WholeSignal] = []
-    if likely or _doubtful(ref, values):
-        wholes = whole_signals(ref, sums, values, prior)
-    wholes = [w for w in wholes if offsets or w.kind != "clock_offset"]
-    best_drop = 0.0
-    # A signal that is put right has to explain more than a fault of some size does.
-    for rival in admitted[:1] if wholes else ():
-        known = rival.hypothesis
-        undone = known.undo(recording, rival.values) if known.undo else recording
-        other = _fitted(undone, prior, [] if known.undo else [known])
-        best_drop = max(0.0, _drop(start, other))
-    for whole in wholes:
-        other = _fitted(whole.recording, prior, added)
-        drop = _drop(start, other)
-        least = OFFSET_LIKELY if whole.kind == "clock_offset" else WHOLE_LIKELY
-        if drop > max(best_drop, least):
-            best_drop, recording, values = drop, whole.recording, other[2]
-            found = [
-                Explanation(
-                    kind=whole.kind, joints=whole.joints, value=whole.value, std=0.0,
-                    unit=whole.unit, score=drop,
-                )
-            ]  # fmt: skip
-    rounds = 0
+    fitted = _fitted(recording, prior, added)
+    rounds, right = 0, False
     while True:
-        fitted = _fitted(recording, prior, added, values[: 10 * n])
         ref, _, values = fitted
         likely, left = _ranked(fitted)
         admitted = [s for s in likely if _physical(s, found)]
+        if not right and len(found) < MOST and (likely or _doubtful(ref, values)):
+            whole = _whole(fitted, prior, added, admitted[:1], offsets)
+            if whole is not None:
+                right = True
+                found.append(whole[0])
+                fitted = whole[1]
+                recording = fitted[0].recording
+                continue
         if not admitted:
             break
         best = admitted[0].hypothesis
@@ -361,6 +342,7 @@ def explain(
             added.append(best)
         else:
             recording = best.undo(recording, admitted[0].values)
+        fitted = _fitted(recording, prior, added, values[: 10 * n])
     if any(e.kind == "clock_offset" and abs(e.value) < STEP_S / 2 for e in found):
         # Corrected until nothing was left of it: it was none.
         return explain(told, prior, offsets=False)
@@ -372,6 +354,38 @@ def explain(
 
 _Fitted = tuple[Reference, Fits, Array]
 """A reference, its own sums, and (p) its parameters."""
+
+
+def _whole(
+    start: _Fitted,
+    prior: tuple[Array, Array],
+    added: list[Hypothesis],
+    best: list[Scored],
+    offsets: bool,
+) -> tuple[Explanation, _Fitted] | None:
+    """The signal that explains most when it is put right, and the fit then."""
+    ref, sums, values = start
+    wholes = whole_signals(ref, sums, values, prior)
+    wholes = [w for w in wholes if offsets or w.kind != "clock_offset"]
+    most, out = 0.0, None
+    # It has to explain more than a fault of some size does.
+    for rival in best if wholes else ():
+        known = rival.hypothesis
+        undone = known.undo(ref.recording, rival.values) if known.undo else ref.recording
+        other = _fitted(undone, prior, added if known.undo else [*added, known])
+        most = max(0.0, _drop(start, other))
+    for whole in wholes:
+        other = _fitted(whole.recording, prior, added)
+        drop = _drop(start, other)
+        least = OFFSET_LIKELY if whole.kind == "clock_offset" else WHOLE_LIKELY
+        if drop > max(most, least):
+            most = drop
+            now = Explanation(
+                kind=whole.kind, joints=whole.joints, value=whole.value, std=0.0,
+                unit=whole.unit, score=drop,
+            )  # fmt: skip
+            out = now, other
+    return out
 
 
 def _ranked(fitted: _Fitted) -> tuple[list[Scored], Array]:
