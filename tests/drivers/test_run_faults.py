@@ -17,6 +17,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from gentle_motion import CYCLES, write_gentle
 
 from dynid.cli.app import main
 from dynid.drivers.ur.link import Dashboard, RtdeLink, ScriptPort
+from dynid.experiment import check_robot
 from dynid.recording import ExperimentRecord, read_record
 from urtwin import RunningController, controller_process, own_address
 from urtwin.server import LEAD_S
@@ -269,6 +271,24 @@ def test_nothing_moves_without_a_typed_word(
     said = capsys.readouterr().err
     for fact in ("payload: 0 kg set", "mounted as: floor", "UR5, software", "1 x 2 s"):
         assert fact in said
+
+
+def test_ctrl_c_before_the_question_ends_the_run(
+    controller: RunningController,
+    fault: Fault,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def interrupted(*given: Any) -> Any:
+        signal.raise_signal(signal.SIGINT)
+        return check_robot(*given)
+
+    monkeypatch.setattr("dynid.workflow.running.check_robot", interrupted)
+    monkeypatch.setattr(sys, "stdin", Terminal(f"{controller.host}\n"))
+    words = ["run", fault.design, "--on", f"ur://{controller.host}", "-o", fault.record]
+    assert main([*map(str, words)]) == 130
+    assert "Type" not in capsys.readouterr().err
+    assert not fault.record.exists()
 
 
 def test_nobody_is_there(fault: Fault, capsys: pytest.CaptureFixture[str]) -> None:

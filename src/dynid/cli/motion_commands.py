@@ -213,9 +213,16 @@ def run_command(
     from dynid.experiment import stop_on_signals
     from dynid.workflow import run_design, run_until
 
-    confirm = None if yes else _ask
     show.check_output(output, inputs=[design], suffix=".parquet")
     with stop_on_signals() as cancel, show.progress_bar("run") as progress:
+
+        def ask_first(what: str, word: str) -> None:
+            # Planning takes seconds: Ctrl-C in them is no reason to ask.
+            if cancel.is_set():
+                raise KeyboardInterrupt
+            _ask(what, word)
+
+        confirm = None if yes else ask_first
         given: dict[str, Any] = {"on": on, "settings": settings, "confirm": confirm}
         given |= {"cancel": cancel, "progress": progress}
         if until is not None:
