@@ -81,7 +81,9 @@ class Accuracy:
     def describe(self) -> str:
         """One sentence."""
         found = f"{self.found_percent:.2g} % on left-out {self.left_out}"
-        found += f", below {self.bound_percent:.2g} % with 95 % probability"
+        found += f" (there below {self.bound_percent:.2g} % with 95 % probability)"
+        if self.left_out == "regions":
+            found += ", other motions may err more"
         if math.isnan(self.expected_percent):
             return f"Torque error beyond noise: {found}"
         return f"Torque error beyond noise: {found}; by the design: {self.expected_percent:.2g} %"
