@@ -49,8 +49,6 @@ PLANTED = (
     ("ur3", "fourier", 125.0, 20.0, 4, "exchanged", "large"),
     # A gain of less than nothing explains it: no gain, so whole signals are looked at.
     ("ur5", "waypoints", 125.0, 20.0, 360084776, "exchanged", "large"),
-    # Friction builds up over less than a thousandth of the travel.
-    ("sliding", "teach", 125.0, 60.0, 129537850, "encoder_zero", "large"),
 )
 SLOW = (
     # What stops at a limit is no contact.

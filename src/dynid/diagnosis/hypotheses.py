@@ -331,7 +331,7 @@ def score(found: Fits, rival: Hypothesis) -> Scored:
     after, each = left_out(replace(found, own=p + m, mean=mean, precision=widened))
     away = each[:, p:] - each[:, p:].mean(axis=0)
     spread = np.sqrt((BLOCKS - 1) / BLOCKS * np.square(away).sum(axis=0))
-    stds = np.maximum(spread, np.sqrt(np.maximum(np.diag(inverse), 0.0)))
+    stds = np.hypot(spread, np.sqrt(np.maximum(np.diag(inverse), 0.0)))
     value, std = _one_number(rival.kind, x, stds)
     ratios = np.abs(np.append(x, value)) / np.maximum(np.append(stds, std), 1e-300)
     gain = 0.5 * float(found.counts @ np.log(before / after))

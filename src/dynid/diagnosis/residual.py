@@ -24,7 +24,7 @@ ROWS = 1600
 """Rows a joint; longer records are averaged, torques and columns alike."""
 WIDTHS = (0.005, 0.06)
 """Smoothing velocities of the Coulomb columns, shares of the joint's usual top speed."""
-PRESLIDING = (0.001, 0.006, 0.0001)
+PRESLIDING = (0.001, 0.006)
 """Displacements over which friction builds up, shares of the joint's travel."""
 DRAWS = 300
 SWEEPS = 8
@@ -170,7 +170,7 @@ class Reference:
         return out + np.column_stack(between) - rec.model.known_torque(rec.q)
 
 
-SHAPES, STEPPED = 9, 7
+SHAPES, STEPPED = 8, 6
 """Friction columns of a joint beside the viscous one, and those of them that do not grow with
 speed: they stand first."""
 
@@ -189,11 +189,11 @@ def _parts(rec: Recording, inertial: Array) -> Iterator[tuple[slice, Array]]:
         inner = model.stack(rec.q[part], rec.dq[part], rec.ddq[part])
         load = np.abs(np.tensordot(inertial, inner[: 10 * n], axes=1))
         speed = np.abs(dq) / fast
-        near, far, nearest = (state[:, part] for state in states)
+        near, far = (state[:, part] for state in states)
         slow = np.exp(-np.square(speed / 0.05))
         shapes = (
             *(np.tanh(dq / (w * fast)) for w in WIDTHS),
-            nearest, near, far, near * slow, load * near, np.ones_like(load), dq * speed,
+            near, far, near * slow, load * near, np.ones_like(load), dq * speed,
         )  # fmt: skip
         stack = np.zeros((len(inner) + SHAPES * n, n, dq.shape[1]))
         stack[: len(inner)] = inner
