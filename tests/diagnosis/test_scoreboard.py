@@ -47,8 +47,6 @@ PLANTED = (
     ("sliding", "fourier", 125.0, 20.0, 911654613, "gains", "large"),
     # Light wrists: little is left in their wrong order, but by links that are not this arm's.
     ("ur3", "fourier", 125.0, 20.0, 4, "exchanged", "large"),
-    # A gain of less than nothing explains it: no gain, so whole signals are looked at.
-    ("ur5", "waypoints", 125.0, 20.0, 360084776, "exchanged", "large"),
 )
 SLOW = (
     # What stops at a limit is no contact.

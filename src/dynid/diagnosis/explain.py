@@ -97,9 +97,8 @@ def explain(
     rounds, right = 0, False
     while True:
         ref, _, values = fitted
-        likely, left = _ranked(fitted)
-        admitted = [s for s in likely if _physical(s, found)]
-        if not right and len(found) < MOST and (likely or doubtful(ref, values)):
+        admitted, left = _ranked(fitted, found)
+        if not right and len(found) < MOST and doubtful(ref, values):
             whole = _whole(fitted, prior, added, admitted[:1], offsets and not found)
             if whole is not None:
                 right = True
@@ -169,7 +168,7 @@ def _whole(
     return out
 
 
-def _ranked(fitted: _Fitted) -> tuple[list[Scored], Array]:
+def _ranked(fitted: _Fitted, found: list[Explanation]) -> tuple[list[Scored], Array]:
     """Explanations of some size that are likely, the best first.
 
     Also (n) the RMS error that the reference leaves in blocks left out [N.m or N].
@@ -181,8 +180,8 @@ def _ranked(fitted: _Fitted) -> tuple[list[Scored], Array]:
     worth = [k for drop, k in ranked[:LOOKS] if drop > WORTH_A_LOOK]
     firsts = np.cumsum([len(ref.columns), *(len(rival.columns) for rival in rivals)])
     alone = (_alone(ref, rivals[k], sums, int(firsts[k])) for k in worth)
-    likely = sorted((s for s in alone if _likely(s)), key=lambda s: -s.score)
-    return likely, np.sqrt(left_out(sums)[0] / sums.rows)
+    admitted = sorted((s for s in alone if _admitted(s, found)), key=lambda s: -s.score)
+    return admitted, np.sqrt(left_out(sums)[0] / sums.rows)
 
 
 def _drop(one: _Fitted, other: _Fitted) -> float:
@@ -253,19 +252,15 @@ def _fitted(
     return ref, sums, values
 
 
-def _likely(scored: Scored) -> bool:
-    known = scored.hypothesis
+def _admitted(scored: Scored, found: list[Explanation]) -> bool:
+    known, size = scored.hypothesis, abs(scored.value)
+    # A size that was found before may be corrected downwards.
+    physical = scored.value > known.lowest or any(_same(item, known) for item in found)
     # Several sizes: one of them is large by chance more often.
     tail = 0.5 * BY_CHANCE / known.free
     certain = -float(scipy_part("special").stdtrit(BLOCKS - 1, tail))
-    sure = scored.certainty > certain and abs(scored.value) > known.least
-    return sure and scored.score > LIKELY and scored.evidence > EVIDENT
-
-
-def _physical(scored: Scored, found: list[Explanation]) -> bool:
-    # A size that was found before may be corrected downwards.
-    known = scored.hypothesis
-    return scored.value > known.lowest or any(_same(item, known) for item in found)
+    sure = scored.certainty > certain and size > known.least
+    return physical and sure and scored.score > LIKELY and scored.evidence > EVIDENT
 
 
 def _explanation(best: Scored, others: list[Scored], before: Explanation | None) -> Explanation:
