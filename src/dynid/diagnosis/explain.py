@@ -210,6 +210,10 @@ def _alone(ref: Reference, rival: Hypothesis, sums: Fits, first: int) -> Scored:
     p, m = len(ref.columns), len(rival.columns)
     wide = np.diag(1 / np.square(rival.width))
     none = np.zeros((p, m))
+    # Inertias as published: spreads that the fault has widened hold its torques.
+    links = len(sums.inertial)
+    known, without = sums.precision.copy(), sums.precision[:links, :links]
+    known[:links, :links] = sums.inertial
     widened = replace(
         ref,
         columns=np.concatenate([ref.columns, rival.columns]),
@@ -222,10 +226,11 @@ def _alone(ref: Reference, rival: Hypothesis, sums: Fits, first: int) -> Scored:
         sums=sums.sums[:, :, kept][:, :, :, kept],
         own=p + m,
         mean=widened.mean,
-        precision=np.block([[sums.precision, none], [none.T, wide]]),
+        precision=np.block([[known, none], [none.T, wide]]),
     )
     found, _ = settled(widened, start, ALONE_SWEEPS)
-    return score(replace(found, own=p, mean=ref.mean, precision=found.precision[:p, :p]), rival)
+    found = replace(found, own=p, mean=ref.mean, precision=found.precision[:p, :p])
+    return score(found, rival, without)
 
 
 def _same(found: Explanation, now: Hypothesis) -> bool:

@@ -311,12 +311,13 @@ def _eliminated(found: Fits) -> tuple[Array, Array, Array]:
     return left[:, :-1], left[:, -1], solved
 
 
-def score(found: Fits, rival: Hypothesis) -> Scored:
+def score(found: Fits, rival: Hypothesis, inertial: Array) -> Scored:
     """Score a rival against the reference.
 
     Args:
         found: Sums of the reference's columns, then the rival's.
         rival: The rival.
+        inertial: (10 n, 10 n) prior precision that the reference has without the rival.
     """
     p, m = found.own, len(rival.columns)
     own = np.diag(1 / np.square(rival.width))
@@ -327,7 +328,10 @@ def score(found: Fits, rival: Hypothesis) -> Scored:
     widened = np.zeros((p + m, p + m))
     widened[:p, :p], widened[p:, p:] = found.precision, own
     mean = np.append(found.mean, np.zeros(m))
-    before, _ = left_out(found)
+    wide = found.precision.copy()
+    wide[: len(inertial), : len(inertial)] = inertial
+    without = replace(found, precision=wide)
+    before, _ = left_out(without)
     after, each = left_out(replace(found, own=p + m, mean=mean, precision=widened))
     away = each[:, p:] - each[:, p:].mean(axis=0)
     spread = np.sqrt((BLOCKS - 1) / BLOCKS * np.square(away).sum(axis=0))
@@ -335,15 +339,17 @@ def score(found: Fits, rival: Hypothesis) -> Scored:
     value, std = _one_number(rival.kind, x, stds)
     ratios = np.abs(np.append(x, value)) / np.maximum(np.append(stds, std), 1e-300)
     gain = 0.5 * float(found.counts @ np.log(before / after))
-    likely = found.penalty(solved[:, -1]) - found.penalty(values) - 0.5 * float(x @ own @ x)
-    size = float(np.linalg.slogdet(inverse)[1]) - 2 * float(np.log(rival.width).sum())
+    normal, vector, solved = _eliminated(without)
+    unlikely = found.penalty(solved[:, -1]) - found.penalty(values)
+    within: Array = np.asarray(np.linalg.inv(normal + own), dtype=np.float64)
+    size = float(np.linalg.slogdet(within)[1]) - 2 * float(np.log(rival.width).sum())
     return Scored(
         hypothesis=rival,
         value=value,
         std=std,
         values=x,
-        score=gain + likely,
-        evidence=0.5 * (float(vector @ x) + size),
+        score=gain + unlikely - 0.5 * float(x @ own @ x),
+        evidence=0.5 * (float(vector @ within @ vector) + size),
         certainty=float(ratios.max()),
     )
 

@@ -35,6 +35,10 @@ FRICTION_SPREAD = 2.0
 """Standard deviation of a friction torque over that of the joint's torque."""
 NARROWEST = 1e-4
 """... after the recording, of a shape that it does not need: share of that before."""
+FREEDOM = 20.0
+"""Parameters that the published spread of inertias counts for beside those that are measured."""
+ROUGHEST = 5.0
+"""Most that their spread is wider."""
 LEAST_ERROR = 1e-7
 """Square of the error that counts as none, share of that of the torque: rounding."""
 
@@ -262,14 +266,36 @@ class Fits:
     mean: Array
     """(p) prior mean."""
     precision: Array
-    """(p, p) prior precision."""
+    """(p, p) prior precision, for the spreads that the recording shows."""
+    inertial: Array
+    """(10 n, 10 n) prior precision of the inertial parameters, as published."""
+    seen: Array
+    """(n) parameters of each link that the recording tells more about than the prior."""
     own: int
     """p, columns of the reference."""
 
+    def away(self, values: Array) -> Array:
+        """(n) squared distance of parameters (p) from each published link [deviations]."""
+        links = (values - self.mean)[: len(self.inertial)]
+        return (links * (self.inertial @ links)).reshape(-1, 10).sum(axis=1)
+
+    def widening(self, values: Array) -> float:
+        """Square of the spread of inertias over the published one, where it is larger.
+
+        The link that is furthest off may carry something: the others tell.
+        """
+        away = self.away(values)
+        others = np.arange(len(away)) != away.argmax()
+        wide = (FREEDOM + away[others].sum()) / (FREEDOM + self.seen[others].sum())
+        return float(np.clip(wide, 1.0, ROUGHEST**2))
+
     def penalty(self, values: Array) -> float:
         """How unlikely parameters (p) are before anything was measured [nats]."""
-        away = values - self.mean
-        return 0.5 * float(away @ self.precision @ away)
+        first, wide = len(self.inertial), self.widening(values)
+        rest = values[first:] - self.mean[first:]
+        links = float(self.away(values).sum()) / wide
+        spread = (FREEDOM + float(self.seen.sum())) * float(np.log(wide))
+        return 0.5 * (links + spread + float(rest @ self.precision[first:, first:] @ rest))
 
 
 def correlation_length(error: Array) -> Array:
@@ -316,6 +342,8 @@ def fits(ref: Reference) -> tuple[Fits, Array]:
         counts=float(rows) * np.ones(n),
         mean=ref.mean,
         precision=ref.precision,
+        inertial=ref.precision[: 10 * n, : 10 * n],
+        seen=np.zeros(n),
         own=len(ref.columns),
     )
     return settled(ref, found, SWEEPS)
@@ -326,10 +354,10 @@ def settled(ref: Reference, found: Fits, sweeps: int) -> tuple[Fits, Array]:
 
     The spread of each friction shape is what the recording shows of it: each sweep takes a step of
     expectation and maximisation of the evidence (Tipping 2001). Shapes that it does not need cost
-    nothing.
+    nothing. So is the spread of the inertias (MacKay 1992): those of drawings are often rough.
     """
     p, shapes = found.own, np.arange(found.own)[ref.shapes]
-    widest = ref.precision[shapes, shapes]
+    widest, links = ref.precision[shapes, shapes], len(found.inertial)
     values = np.zeros(p)
     least = LEAST_ERROR * np.square(ref.torque).mean(axis=1) + 1e-18
     sums = found.sums.sum(axis=0)
@@ -344,6 +372,9 @@ def settled(ref: Reference, found: Fits, sweeps: int) -> tuple[Fits, Array]:
         length = correlation_length(error)
         variance = np.maximum(np.square(error).mean(axis=1), least)
         precision = found.precision.copy()
+        held = np.sum(found.precision[:links, :links] * covariance[:links, :links], axis=1)
+        found = replace(found, seen=np.maximum(10 - held.reshape(-1, 10).sum(axis=1), 0.0))
+        precision[:links, :links] = found.inertial / found.widening(values)
         square = np.square(values[shapes]) + covariance[shapes, shapes]
         precision[shapes, shapes] = widest / np.clip(square * widest, NARROWEST**2, 1.0)
         found = replace(
