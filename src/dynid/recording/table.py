@@ -37,7 +37,12 @@ class ReadOptions:
     joints: tuple[str, ...] = ()
     """The robot's joint names, base to tip; empty if the robot is not known."""
     joint_order: tuple[str, ...] | None = None
+    """Column numbers base to tip, or the robot's joint names in the file's order."""
     topic: str | None = None
+    rate_hz: float | None = None
+    """The clock of a recording without time stamps [Hz]."""
+    degrees: bool = False
+    """Whether positions, velocities and accelerations are in degrees."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
