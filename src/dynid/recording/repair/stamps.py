@@ -7,9 +7,8 @@ from itertools import pairwise
 import numpy as np
 
 from dynid.core import Array, RecordError, scipy_part
-from dynid.recording.clocks import at_times
 from dynid.recording.headers import by_rows
-from dynid.recording.table import Mask, RawTable, Rows, rows_with
+from dynid.recording.table import Mask, RawTable, Rows, at_times, rows_with
 
 MOST_DROPPED = 0.2
 """Share of rows that may go for their stamps."""
