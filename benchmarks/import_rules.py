@@ -23,11 +23,10 @@ from real_recordings import SOURCES, Source
 from shared.measuring import DATA, ROOT
 
 from dynid.core import InputError
-from dynid.recording import RawTable, RepairSettings, parse_columns, reading, repair
+from dynid.recording import RawTable, ReadOptions, parse_columns, reading, repair
 from dynid.recording.content import Budget
 from dynid.recording.repair import pipeline
-from dynid.recording.table import ReadOptions
-from dynid.robot import load_robot
+from dynid.robot import RobotModel, load_robot
 
 RECORDING = ROOT / "tests" / "recording"
 sys.path[:0] = [str(RECORDING)]
@@ -37,7 +36,7 @@ from recorded_motions import Motion  # noqa: E402
 TESTS = ("repairs", "dropouts", "input_checks", "text_tables", "foreign_headers", "ros_bags")
 DAMAGED = 60
 LENGTHS = (160, 1500)
-Given = tuple[RawTable, RepairSettings]
+Given = tuple[RawTable, ReadOptions, RobotModel | None]
 
 
 class _Failures:
@@ -73,7 +72,8 @@ def damaged_tables(folder: Path) -> list[tuple[Motion, Given]]:
                 (folder / "damaged").write_bytes(content)
                 with contextlib.suppress(InputError):
                     table = _table([folder / "damaged"], options.get("columns"))
-                    found.append((motion, (table, RepairSettings(rate_hz=options.get("rate_hz")))))
+                    given = table, ReadOptions(rate_hz=options.get("rate_hz")), None
+                    found.append((motion, given))
     return found
 
 
@@ -97,18 +97,19 @@ def real_tables() -> dict[str, Given]:
     found: dict[str, Given] = {}
     for name, source in sources.items():
         of = source.load_robot()
-        table = _table([DATA / file for file in source.files], source.columns, of.joint_names)
-        found[name] = table, RepairSettings(robot=of, rate_hz=source.rate_hz)
+        table = _table([DATA / file for file in source.files], source.columns, of)
+        found[name] = table, ReadOptions(rate_hz=source.rate_hz), of
     ur5 = load_robot("ur5")
     for folder in sorted((DATA / "ur5_kufieta").glob("no*")):
-        table = _table(sorted(folder.glob("*.csv")), None, ur5.joint_names)
-        found[f"UR5 {folder.name}"] = table, RepairSettings(robot=ur5)
+        table = _table(sorted(folder.glob("*.csv")), None, ur5)
+        found[f"UR5 {folder.name}"] = table, ReadOptions(), ur5
     return found
 
 
-def _table(files: list[Path], columns: str | None, joints: tuple[str, ...] = ()) -> RawTable:
+def _table(files: list[Path], columns: str | None, of: RobotModel | None = None) -> RawTable:
     wanted = None if columns is None else parse_columns(columns)
-    found = reading.read_table(files, ReadOptions(columns=wanted, joints=joints), Budget.of(files))
+    options = ReadOptions(columns=wanted, joints=() if of is None else of.joint_names)
+    found = reading.read_table(files, options, Budget.of(files))
     assert isinstance(found, RawTable)
     return found
 

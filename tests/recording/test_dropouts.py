@@ -10,7 +10,7 @@ import pytest
 from recorded_motions import Motion
 
 from dynid.core import RecordError
-from dynid.recording import ExperimentRecord, RawTable, RepairSettings, repair
+from dynid.recording import ExperimentRecord, RawTable, ReadOptions, repair
 from dynid.signals.resample import GAP_STEPS
 
 MOTION = Motion(samples=1500)
@@ -28,7 +28,8 @@ def raw(**changes) -> RawTable:
 
 
 def run(table: RawTable, **settings) -> ExperimentRecord:
-    return repair(table, RepairSettings(**settings))
+    robot = settings.pop("robot", None)
+    return repair(table, ReadOptions(**settings), robot)
 
 
 def codes(record: ExperimentRecord) -> list[str]:

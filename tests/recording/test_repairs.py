@@ -11,7 +11,7 @@ from dynid.core import RecordError
 from dynid.recording import (
     ExperimentRecord,
     RawTable,
-    RepairSettings,
+    ReadOptions,
     at_limit,
     read_recording,
     repair,
@@ -36,7 +36,8 @@ def raw(motion: Motion = MOTION, noise: float = 0.0, **changes) -> RawTable:
 
 
 def run(table: RawTable, **settings) -> ExperimentRecord:
-    return repair(table, RepairSettings(**settings))
+    robot = settings.pop("robot", None)
+    return repair(table, ReadOptions(**settings), robot)
 
 
 def codes(record: ExperimentRecord) -> list[str]:

@@ -12,8 +12,7 @@ from dynid.core import InputError, printable
 from dynid.recording import ExperimentRecord
 from dynid.robot import joint_poses, load_robot
 from dynid.studio import facts
-from dynid.studio.live import instant
-from dynid.studio.scene_editing import SceneEditor
+from dynid.studio.scene_editing import SceneEditor, instant
 from dynid.studio.session import file_in
 from dynid.studio.solids import arm_skins
 

@@ -16,9 +16,7 @@ from gentle import CYCLES, write_motion
 
 from dynid.core import InputError
 from dynid.recording import read_record
-from dynid.studio.child import ParentTalk, _run
-from dynid.studio.jobs import Job, JobState, Supervisor, line
-from dynid.studio.live import TailReader
+from dynid.studio.jobs import Job, JobState, ParentTalk, Supervisor, TailReader, _run, line
 from dynid.workflow import check
 from urtwin import controller_process, own_address
 
@@ -150,7 +148,7 @@ def test_a_real_robot_does_not_move_unless_its_word_was_typed(
 ) -> None:
     """The job in this process: what it hears, and that the end of it is Ctrl-C."""
     ended = threading.Event()
-    monkeypatch.setattr("dynid.studio.child.os.kill", lambda *_: ended.set())
+    monkeypatch.setattr("dynid.studio.jobs.os.kill", lambda *_: ended.set())
     told = io.StringIO()
     talk = ParentTalk(told, io.StringIO("" if heard is None else line(heard)))
     talk.listen()

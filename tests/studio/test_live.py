@@ -7,7 +7,7 @@ from dynid.constraints import safe_constraints, scene_from_json
 from dynid.core import JsonFields
 from dynid.robot import joint_poses, load_robot
 from dynid.robot.body import beyond
-from dynid.studio.live import instant
+from dynid.studio.scene_editing import instant
 
 CLOSE = 1e-9
 UR5 = load_robot("ur5")

@@ -14,7 +14,7 @@ from dynid.protocol.rtde import frame
 from rtde_client import TIMEOUT_S, RtdeClient, ask_dashboard, send_script, wait_for
 from urtwin import controller_process
 from urtwin.server.loop import CLIENTS
-from urtwin.server.settings import PORTS, READ_ONLY
+from urtwin.settings import PORTS, READ_ONLY
 
 STEP_ERROR = 1e-12
 GROWTH_MB = 150

@@ -17,8 +17,10 @@ from typing import Annotated, Any
 import typer
 import typer.core
 
+from dynid import settings
 from dynid.core import DynidError
-from dynid.settings import FINITE, Option, numbers, options_of
+
+_NUMBERS: tuple[Any, ...] = (int, float, int | None, float | None)
 
 
 def option(metavar: str, help: str, *names: str, **bounds: Any) -> Any:
@@ -36,31 +38,31 @@ def argument(metavar: str, help: str) -> Any:
     return typer.Argument(metavar=metavar, help=help)
 
 
+def _shown(asked: settings.Option) -> Any:
+    """The option of a field, as typer takes it."""
+    if not asked.metavar:
+        return flag(asked.name, asked.help)
+    shown = option(asked.metavar, asked.help, asked.name)
+    if asked.kind in _NUMBERS:
+        shown.min = None if asked.least == -settings.FINITE else asked.least
+        shown.max = None if asked.most == settings.FINITE else asked.most
+    return shown
+
+
+def declared(kind: type, field: str) -> Any:
+    """The option of a field of settings, for a command that takes it by itself."""
+    return _shown(settings.options_of(kind)[field])
+
+
 ForceFlag = Annotated[bool, flag("--force", "Replace the file if it exists.")]
 JsonFlag = Annotated[bool, flag("--json", "Print one JSON object on stdout.")]
-RobotOption = Annotated[
-    str | None,
-    option(
-        "ROBOT", "Built-in name, URDF or robot file; default: that of the recording.", "--robot"
-    ),
-]
-StartOption = Annotated[
-    float | None, option("S", "Start of the window, from the record's start.", "--from")
-]
-StopOption = Annotated[float | None, option("S", "End of the window, same clock.", "--to")]
-SeedOption = Annotated[int, option("N", "Seed of the random numbers.", "--seed", min=0)]
-GainsOption = Annotated[
-    str | None,
-    option(
-        "g1,..,gn",
-        "Drive gains [N.m/A], one a joint; default: those of the recording or the robot.",
-        "--gains",
-    ),
-]
-JobsOption = Annotated[int, option("N", "Processes on this machine.", "--jobs", min=1)]
-DaskOption = Annotated[
-    str | None, option("ADDRESS", "A Dask scheduler, instead of --jobs.", "--dask")
-]
+RobotOption = Annotated[str | None, declared(settings.FleetSettings, "robot")]
+StartOption = Annotated[float | None, declared(settings.IdentifySettings, "start_s")]
+StopOption = Annotated[float | None, declared(settings.IdentifySettings, "stop_s")]
+SeedOption = Annotated[int, declared(settings.DesignSettings, "seed")]
+GainsOption = Annotated[str | None, declared(settings.ImportOptions, "gains")]
+JobsOption = Annotated[int, declared(settings.FleetSettings, "jobs")]
+DaskOption = Annotated[str | None, declared(settings.FleetSettings, "dask")]
 TemperatureOption = Annotated[
     float | None,
     option("DEGC", "Temperature of the joints, of a file with temperature laws.", "--at"),
@@ -75,7 +77,7 @@ RecordOutput = Annotated[Path, option("RECORD.parquet", "The recording.", "-o", 
 
 def drive_gains(text: str | None) -> tuple[float, ...] | None:
     """The value of `--gains`; None where it is not given."""
-    return None if text is None else numbers(text, "--gains")
+    return None if text is None else settings.numbers(text, "--gains")
 
 
 GROUPS: Mapping[str, tuple[str, ...]] = {
@@ -150,7 +152,7 @@ def _with_options(run: Callable[..., object], only: Sequence[str]) -> Callable[.
     if "settings" not in signature.parameters:
         return run
     kind = signature.parameters["settings"].annotation
-    declared = options_of(kind)
+    declared = settings.options_of(kind)
     declared = {name: declared[name] for name in only or declared}
     parameters: list[inspect.Parameter] = []
     for name, parameter in signature.parameters.items():
@@ -171,21 +173,18 @@ def _with_options(run: Callable[..., object], only: Sequence[str]) -> Callable[.
     return call
 
 
-def _parameter(name: str, asked: Option) -> inspect.Parameter:
+def _parameter(name: str, asked: settings.Option) -> inspect.Parameter:
     """The parameter of a command that typer makes an option of."""
-    default, shown = asked.default, option(asked.metavar, asked.help, asked.name)
+    default, kind = asked.default, asked.kind
     if not asked.metavar:
-        kind, default, shown = bool, False, flag(asked.name, asked.help)
+        kind, default = bool, False
     elif asked.many:
         kind, default = list[str] | None, None
-    elif asked.kind in (int, float, int | None, float | None):
-        kind = asked.kind
-        shown.min = None if asked.least == -FINITE else asked.least
-        shown.max = None if asked.most == FINITE else asked.most
-    else:
+    elif kind not in _NUMBERS:
         kind = str if isinstance(default, str) else str | None
+    annotation = Annotated[kind, _shown(asked)]
     return inspect.Parameter(
-        name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, shown]
+        name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation
     )
 
 

@@ -13,6 +13,7 @@ from dynid.core.errors import MissingExtraError as MissingExtraError
 from dynid.core.errors import RecordError as RecordError
 from dynid.core.errors import RobotError as RobotError
 from dynid.core.errors import check_word as check_word
+from dynid.core.errors import checked as checked
 from dynid.core.errors import installed as installed
 from dynid.core.errors import like_named as like_named
 from dynid.core.errors import printable as printable
@@ -38,10 +39,10 @@ from dynid.core.findings import silent as silent
 from dynid.core.findings import told as told
 
 if TYPE_CHECKING:
-    from dynid.core.arguments import checked as checked
     from dynid.core.arrays import Array as Array
     from dynid.core.arrays import Indices as Indices
     from dynid.core.arrays import Mask as Mask
+    from dynid.core.arrays import MotionBounds as MotionBounds
     from dynid.core.arrays import freeze as freeze
     from dynid.core.arrays import frozen as frozen
     from dynid.core.arrays import inverse_upper as inverse_upper
@@ -51,7 +52,6 @@ if TYPE_CHECKING:
     from dynid.core.arrays import solve_upper as solve_upper
     from dynid.core.arrays import upper_triangle as upper_triangle
     from dynid.core.arrays import write_arrays as write_arrays
-    from dynid.core.bounds import MotionBounds as MotionBounds
     from dynid.core.json_fields import JsonFields as JsonFields
     from dynid.core.json_fields import load_object as load_object
     from dynid.core.json_fields import parse_json as parse_json
@@ -65,12 +65,10 @@ if TYPE_CHECKING:
     from dynid.core.parallel import workers as workers
 
 _LATER = {
-    "arguments": "checked",
     "arrays": (
-        "Array Indices Mask freeze frozen inverse_upper read_arrays read_only scipy_part "
-        "solve_upper upper_triangle write_arrays"
+        "Array Indices Mask MotionBounds freeze frozen inverse_upper read_arrays read_only "
+        "scipy_part solve_upper upper_triangle write_arrays"
     ),
-    "bounds": "MotionBounds",
     "json_fields": "JsonFields load_object parse_json plain provenance_from_json",
     "parallel": "WorkerLost Workers each result_of told_to_stop workers",
 }

@@ -1,5 +1,6 @@
 """Recordings: every format in, one checked and repaired value out, and the file that keeps it."""
 
+from dynid.recording.cells import factor_of as factor_of
 from dynid.recording.columns import parse_columns as parse_columns
 from dynid.recording.formats import content_kind as content_kind
 from dynid.recording.headers import match_headers as match_headers
@@ -20,7 +21,6 @@ from dynid.recording.record import JOINT_QUANTITIES as JOINT_QUANTITIES
 from dynid.recording.record import ExperimentRecord as ExperimentRecord
 from dynid.recording.record import RecordMetadata as RecordMetadata
 from dynid.recording.record import identity as identity
-from dynid.recording.repair.pipeline import RepairSettings as RepairSettings
 from dynid.recording.repair.pipeline import at_limit as at_limit
 from dynid.recording.repair.pipeline import check_channels as check_channels
 from dynid.recording.repair.pipeline import checked_records as checked_records
@@ -37,5 +37,5 @@ from dynid.recording.stored import local_files as local_files
 from dynid.recording.stored import objects_below as objects_below
 from dynid.recording.stored import open_stored as open_stored
 from dynid.recording.table import RawTable as RawTable
-from dynid.recording.units import factor_of as factor_of
+from dynid.recording.table import ReadOptions as ReadOptions
 from dynid.recording.writer import RecordWriter as RecordWriter

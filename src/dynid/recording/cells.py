@@ -1,12 +1,16 @@
-"""One cell of a text table: a number, a date, a missing value, or neither."""
+"""One cell of a text table: a number, a date, a missing value, or neither; and units of headers.
+
+Known units are converted, others are refused, never ignored.
+"""
 
 import math
 import re
+from collections.abc import Sequence
 from datetime import date
 
 import numpy as np
 
-from dynid.core import Array
+from dynid.core import Array, Finding, RecordError, printable
 
 _CLOCK = (
     r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2}(?:[.,:]\d+)?))?"
@@ -161,3 +165,134 @@ def decimals(cell: str) -> int:
     """Digits after the decimal point (or comma), 0 without one."""
     mantissa = cell.strip().lower().partition("e")[0].replace(",", ".")
     return len(mantissa.partition(".")[2])
+
+
+_DEG = math.pi / 180
+_REV = 2 * math.pi
+_LENGTH = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6}
+_ANGLE = {
+    **{"rad": 1.0, "rads": 1.0, "radian": 1.0, "radians": 1.0, "mrad": 1e-3, "urad": 1e-6},
+    **{"deg": _DEG, "degs": _DEG, "degree": _DEG, "degrees": _DEG, "°": _DEG},
+    **{"mdeg": 1e-3 * _DEG, "cdeg": 1e-2 * _DEG, "\ufffd": _DEG, "grad": _DEG},
+    **{"rev": _REV, "revs": _REV, "turn": _REV, "turns": _REV, "revolutions": _REV},
+    **_LENGTH,
+}
+_RATE = {
+    **{"rpm": _REV / 60, "1/min": _REV / 60, "rps": _REV, "dps": _DEG, "mdps": 1e-3 * _DEG},
+    **{"degs": _DEG, "rads": 1.0},
+}
+_TIME = {
+    **{"s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "min": 60.0, "h": 3600.0},
+    **{"ms": 1e-3, "msec": 1e-3, "msecs": 1e-3, "millis": 1e-3, "milliseconds": 1e-3},
+    **{"us": 1e-6, "usec": 1e-6, "µs": 1e-6, "μs": 1e-6, "micros": 1e-6, "microseconds": 1e-6},
+    **{"ns": 1e-9, "nsec": 1e-9, "nsecs": 1e-9, "nanosec": 1e-9, "nanoseconds": 1e-9},
+}
+_TORQUE = {
+    **{"nm": 1.0, "n": 1.0, "mnm": 1e-3, "mn": 1e-3, "unm": 1e-6, "knm": 1e3, "kn": 1e3},
+    **{"ncm": 1e-2, "nmm": 1e-3, "newtonmeter": 1.0, "newtonmeters": 1.0},
+    **{"kgfm": 9.80665, "kgfcm": 9.80665e-2, "kgcm": 9.80665e-2, "kgm": 9.80665},
+    **{"lbfft": 1.3558179483, "ftlb": 1.3558179483, "lbft": 1.3558179483},
+    **{"lbfin": 0.1129848290, "inlb": 0.1129848290, "lbin": 0.1129848290, "ozin": 7.0615518e-3},
+}
+_CURRENT = {
+    **{"a": 1.0, "amp": 1.0, "amps": 1.0, "ampere": 1.0, "amperes": 1.0, "arms": 1.0},
+    **{"ma": 1e-3, "milliamp": 1e-3, "milliamps": 1e-3, "ua": 1e-6, "ka": 1e3, "ca": 1e-2},
+}
+_DEGC = {"c": 1.0, "degc": 1.0, "celsius": 1.0, "°c": 1.0, "\ufffdc": 1.0}
+_DIMENSION = {
+    **{"q": "angle", "target_q": "angle", "qd": "rate", "target_qd": "rate"},
+    **{"qdd": "slope", "target_qdd": "slope", "current": "current", "target_current": "current"},
+    **{"effort": "torque", "target_moment": "torque", "temperature": "degc", "t": "time"},
+}
+_TABLES = {"time": _TIME, "angle": _ANGLE, "torque": _TORQUE, "current": _CURRENT, "degc": _DEGC}
+_PER = re.compile(r"\s*(?:/|\bper\b|_per_|\s|_|\*|·|\.)\s*(s|sec|second)\s*(?:(\^|\*\*)?-?(\d))?$")
+_NOT_SI = {"effort": "N.m", "current": "A", "q": "rad", "qd": "rad/s", "qdd": "rad/s^2", "t": "s"}
+
+
+def factor_of(quantity: str, unit: str) -> float | None:
+    """What values in a unit are multiplied by to be in SI units.
+
+    Args:
+        quantity: What the column holds; `t` for time.
+        unit: The unit as the header has it, any case; empty for none.
+
+    Returns:
+        The factor (1 without a unit), or None where the unit is not one of the quantity's.
+    """
+    text = unit.strip().lower()
+    if not text or text in ("-", "si"):
+        return 1.0
+    dimension = _DIMENSION.get(quantity)
+    if dimension is None:
+        return None
+    if dimension in ("rate", "slope"):
+        return _per_second(text, dimension)
+    table = _TABLES[dimension]
+    bare = re.sub(r"[\s.*·_\-⋅]", "", text)
+    return table.get(text, table.get(bare))
+
+
+def factors_of(quantity: str, units: Sequence[str]) -> tuple[tuple[float, ...], int | None]:
+    """`factor_of` of each column of a quantity, 1 for all where one unit is none of its; which."""
+    known = [factor_of(quantity, unit) for unit in units]
+    if None in known:
+        return (1.0,) * len(known), known.index(None)
+    return tuple(value for value in known if value is not None), None
+
+
+def _per_second(text: str, dimension: str) -> float | None:
+    if dimension == "rate" and text in _RATE:
+        return _RATE[text]
+    seconds = 1 if dimension == "rate" else 2
+    stem, left = text.replace("²", "2").replace("⁻¹", "-1").replace("^-", "^"), 0
+    while left < seconds and (match := _PER.search(stem)):
+        left += int(match.group(3) or 1)
+        stem = stem[: match.start()].strip()
+    if (
+        left == 0
+        and dimension == "rate"
+        and re.fullmatch(r"(rev|r|u|turns?)\s*/\s*min|revmin", text)
+    ):
+        return _REV / 60
+    # `dq [rad]` is a slip of the pen: a rate in radians is meant a second.
+    return _ANGLE.get(stem) if left in (0, seconds) else None
+
+
+def refuse_unit(quantity: str, unit: str, column: str) -> RecordError:
+    """The error for the unit of a column that would be read as another."""
+    si = _NOT_SI.get(quantity, "SI units")
+    hint = f"Convert the column to {si}, or leave its quantity out of --columns."
+    if quantity in ("effort", "current"):
+        hint = (
+            "Map the columns as a current, for example --columns t=0,q=1:7,current=13:19, and "
+            f"give the torque of one unit [N.m/{unit[:10]}] a joint with --gains g1,..,gn."
+        )
+    return RecordError(
+        f"column '{column[:60]}' is in a unit that dynid does not convert",
+        value=unit[:20],
+        limit=", ".join(sorted(known_units(quantity))),
+        next_step=hint,
+    )
+
+
+def taken_as_it_is(quantity: str, column: str, unit: str) -> Finding:
+    """The finding for a unit that is not converted in a column that the user names."""
+    said, own = printable(column), printable(unit, 20)
+    text = f"{quantity} is taken as it is from {said!r}, though {own!r} is no unit of it"
+    return Finding("unit_suspect", text)
+
+
+def known_units(quantity: str) -> frozenset[str]:
+    """The units of a quantity that are converted, as people write them."""
+    dimension = _DIMENSION.get(quantity, "")
+    if dimension in ("rate", "slope"):
+        return frozenset({"rad/s", "deg/s", "rev/s", "rpm", "m/s"})
+    return frozenset(unit for unit in _TABLES.get(dimension, {}) if unit.isascii())
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit of some quantity."""
+    return bool(text.strip()) and (
+        text.strip() in ("%", "-")
+        or any(factor_of(quantity, text) is not None for quantity in _DIMENSION)
+    )

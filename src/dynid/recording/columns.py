@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from dynid.core import Finding, RecordError, printable
-from dynid.recording.clocks import Clock
+from dynid.recording.cells import factors_of, taken_as_it_is
 from dynid.recording.headers import Family, Match, match_headers, require_one_order
 from dynid.recording.names import parse_name
 from dynid.recording.record import JOINT_QUANTITIES
-from dynid.recording.units import factors_of, taken_as_it_is
+from dynid.recording.table import Clock
 
 QUANTITIES = ("t", *JOINT_QUANTITIES)
 _RANGE = re.compile(r"(\d{1,6}):(\d{1,6})")

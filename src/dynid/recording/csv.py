@@ -14,13 +14,12 @@ import numpy as np
 
 from dynid.core import Finding, RecordError
 from dynid.recording.cells import split
-from dynid.recording.clocks import at_times, rises
 from dynid.recording.columns import assign
 from dynid.recording.content import Budget
 from dynid.recording.dialect import Dialect, line_blocks, sniff
 from dynid.recording.grid import Grid, read_grid
 from dynid.recording.names import OTHER, TARGET, TARGET_OF, parse_name, plainly, quantity_of
-from dynid.recording.table import Mask, RawTable, ReadOptions, rows_with
+from dynid.recording.table import Mask, RawTable, ReadOptions, at_times, rises, rows_with
 
 _FARTHEST = 1.5
 """Steps between two rows of a file, across which it is still read between them."""

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dynid.core import RecordError
-from dynid.recording.cells import count, is_missing, is_name, is_number, is_stamp, split
+from dynid.recording.cells import count, is_missing, is_name, is_number, is_stamp, is_unit, split
 from dynid.recording.content import first_bytes, unreadable
 from dynid.recording.names import parse_name
-from dynid.recording.units import is_unit
 
 MAX_LINE = 1 << 20
 """Longest line that is read [characters]; a longer one counts as unreadable."""

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, Finding, RecordError, printable
-from dynid.recording.clocks import Clock, find_clocks, stamps_of
+from dynid.recording.cells import factors_of, refuse_unit
 from dynid.recording.names import OTHER, TARGET, Name, parse_name, split_joint, words_of
-from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, RawTable
-from dynid.recording.units import factors_of, refuse_unit
+from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, Clock, RawTable, find_clocks, stamps_of
 
 
 @dataclass(slots=True, kw_only=True)

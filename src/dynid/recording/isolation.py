@@ -113,20 +113,14 @@ def read_isolated(files: Sequence[Path], options: ReadOptions) -> Read:
         RecordError: Not a recording, or one that needs more than its budget.
         MissingExtraError: A format whose extra is not installed.
     """
-    with tempfile.TemporaryDirectory(prefix="dynid-") as folder:
-        return _ask(files, options, folder)
-
-
-def _ask(files: Sequence[Path], options: ReadOptions, folder: str) -> Read:
-    budget = Budget.of(files)
-    request = {
-        "files": [str(file.resolve()) for file in files],
-        "options": asdict(options),
-        "budget": asdict(budget),
-        "folder": folder,
-    }
-    where = ", ".join(file.name for file in files)
-    with _lock:
+    budget, where = Budget.of(files), ", ".join(file.name for file in files)
+    with tempfile.TemporaryDirectory(prefix="dynid-") as folder, _lock:
+        request = {
+            "files": [str(file.resolve()) for file in files],
+            "options": asdict(options),
+            "budget": asdict(budget),
+            "folder": folder,
+        }
         worker = _current()
         try:
             answer = worker.ask(request)

@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from dynid.recording.units import factor_of, is_unit
+from dynid.recording.cells import factor_of, is_unit
 
 UR_JOINTS = (
     "shoulder_pan_joint",

@@ -20,7 +20,7 @@ from dynid.recording.formats import FORMATS, content_kind, unpacked
 from dynid.recording.isolation import read_isolated, serve
 from dynid.recording.jointstates import bag_files, read_bag
 from dynid.recording.record import ExperimentRecord, with_gains
-from dynid.recording.repair.pipeline import RepairSettings, repair
+from dynid.recording.repair.pipeline import repair
 from dynid.recording.store import fitted, partial_path, read_own
 from dynid.recording.stored import LONG, AnyRecording, StoredRecording, open_stored, stored_rows
 from dynid.recording.table import RawTable, ReadOptions
@@ -168,20 +168,16 @@ def read_recording(
             value=rate_hz,
             limit=f"0 to {MAX_RATE_HZ:g} Hz",
         )
-    settings = RepairSettings(
-        robot=robot,
-        rate_hz=rate_hz,
-        degrees=degrees,
-        joint_order=tuple(joint_order) if joint_order is not None else None,
-    )
     options = ReadOptions(
         format=format,
         columns=None if columns is None else parse_columns(columns),
         header=header,
         delimiter=delimiter,
         joints=robot.joint_names if robot is not None else (),
-        joint_order=settings.joint_order,
+        joint_order=tuple(joint_order) if joint_order is not None else None,
         topic=topic,
+        rate_hz=rate_hz,
+        degrees=degrees,
     )
     table = read_isolated(given, options)
     if isinstance(table, ExperimentRecord):
@@ -193,7 +189,7 @@ def read_recording(
         with located(given[0].name):
             record = fitted(table, robot)
     else:
-        record = repair(table, settings)
+        record = repair(table, options, robot)
         origin = ", ".join(str(file) for file in given)
         metadata = replace(record.metadata, origin=origin, input_hash=_hash(given))
         record = replace(record, metadata=metadata)

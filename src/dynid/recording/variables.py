@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynid.core import Array, Finding, RecordError, printable
-from dynid.recording.clocks import rises
+from dynid.recording.cells import factor_of, refuse_unit, taken_as_it_is
 from dynid.recording.columns import select
 from dynid.recording.headers import NotRecognised, match_headers
 from dynid.recording.names import parse_name, says_degrees
-from dynid.recording.table import ANGLES, RawTable, ReadOptions
-from dynid.recording.units import factor_of, refuse_unit, taken_as_it_is
+from dynid.recording.table import ANGLES, RawTable, ReadOptions, rises
 
 SLICE = re.compile(r"(.+?)\[(?::\s*,)?\s*([\d:+]+)\s*\]")
 """A variable and some of its columns: `data[:,1:7]`."""

@@ -13,7 +13,11 @@ from dynid.signals.parts import LongSignals as LongSignals
 from dynid.signals.parts import StreamGrid as StreamGrid
 from dynid.signals.parts import rows_of as rows_of
 from dynid.signals.parts import survey as survey
+from dynid.signals.process import ProcessingSettings as ProcessingSettings
+from dynid.signals.process import Samples as Samples
 from dynid.signals.process import delayed as delayed
+from dynid.signals.process import joined as joined
+from dynid.signals.process import measured_torque as measured_torque
 from dynid.signals.process import process as process
 from dynid.signals.process import samples_at_stamps as samples_at_stamps
 from dynid.signals.process import samples_from as samples_from
@@ -23,7 +27,3 @@ from dynid.signals.resample import at_one_rate as at_one_rate
 from dynid.signals.resample import find_period as find_period
 from dynid.signals.resample import fold_periods as fold_periods
 from dynid.signals.resample import window as window
-from dynid.signals.samples import ProcessingSettings as ProcessingSettings
-from dynid.signals.samples import Samples as Samples
-from dynid.signals.samples import joined as joined
-from dynid.signals.samples import measured_torque as measured_torque

@@ -16,8 +16,17 @@ from dynid.recording import AnyRecording, ExperimentRecord, StoredRecording
 from dynid.robot import RobotModel
 from dynid.signals import resample
 from dynid.signals.filters import SETTLED
-from dynid.signals.process import block_length, delayed, filtered_motion, require_samples, unsettled
-from dynid.signals.samples import ProcessingSettings, Samples, measured_torque, used_rows
+from dynid.signals.process import (
+    ProcessingSettings,
+    Samples,
+    block_length,
+    delayed,
+    filtered_motion,
+    measured_torque,
+    require_samples,
+    unsettled,
+    used_rows,
+)
 
 MARK = 4096
 """Rows from one known stamp to the next."""

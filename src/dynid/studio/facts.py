@@ -19,8 +19,7 @@ from dynid.recording import ExperimentRecord
 from dynid.report import ReportedEstimate
 from dynid.robot import RobotModel
 from dynid.studio.jobs import LEVELS
-from dynid.studio.live import Near
-from dynid.studio.scene_editing import SceneEditor
+from dynid.studio.scene_editing import Near, SceneEditor
 from dynid.studio.session import Session
 from dynid.studio.solids import LinkMesh, arm_meshes, reach, shaded, shape_mesh
 from dynid.workflow import report

@@ -17,8 +17,7 @@ from dynid.export import roll_pitch_yaw, write_model
 from dynid.robot import from_xyz_rpy
 from dynid.studio import facts
 from dynid.studio.facts import judged_estimates
-from dynid.studio.jobs import Job, JobState, Supervisor
-from dynid.studio.live import TailReader
+from dynid.studio.jobs import Job, JobState, Supervisor, TailReader
 from dynid.studio.scene_editing import KINDS, SceneEditor, open_scene
 from dynid.studio.session import Opened, Session, file_in, free_name, kind_of, open_path
 from dynid.studio.solids import carried_meshes, robot_meshes

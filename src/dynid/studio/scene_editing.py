@@ -1,13 +1,21 @@
-"""A scene that is being edited: the shapes of a scene file, one by one."""
+"""A scene that is being edited, shape by shape, and what is near the arm in it at an instant."""
 
 import copy
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dynid.constraints import Shape, scene_from_json
+from dynid.constraints import (
+    CollisionBodies,
+    JudgedPairs,
+    MotionConstraints,
+    Shape,
+    Worst,
+    scene_from_json,
+)
 from dynid.core import Array, InputError, JsonFields, check_word, load_object, write_json
 from dynid.export import roll_pitch_yaw
 from dynid.robot import translation
@@ -161,3 +169,48 @@ def open_scene(path: Path) -> SceneEditor:
 def _rounded(values: Any) -> list[float]:
     # Adding zero turns -0.0 into 0.0.
     return [round(float(value), _DIGITS) + 0.0 for value in values]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Near:
+    """Two bodies and the way between them."""
+
+    kind: str
+    """`self_collision` or `environment`."""
+    names: str
+    distance: float
+    """Between their surfaces [m]."""
+    clearance: float
+    """The smallest that is allowed to this pair [m]."""
+    start: Array
+    """(3) on the first body's surface, in the base frame [m]."""
+    end: Array
+    """(3) on the other's."""
+
+
+def instant(
+    constraints: MotionConstraints, q: Array, dq: Array, ddq: Array
+) -> tuple[dict[str, Worst], list[Near]]:
+    """Judge (n) positions, velocities, accelerations: limits used, nearest pair of each kind."""
+    rows = [np.array(values, dtype=np.float64)[None] for values in (q, dq, ddq)]
+    around = constraints.surroundings
+    near: list[Near] = []
+    if around is not None:
+        near = [_near(around.bodies, kind, pairs, rows[0]) for kind, pairs in around.pairs.items()]
+    return constraints.usage(*rows).worst, near
+
+
+def _near(bodies: CollisionBodies, kind: str, pairs: JudgedPairs, q: Array) -> Near:
+    row = int(bodies.nearest(q, pairs).pair[0])
+    first, second = pairs.bodies[row]
+    distance, ends = bodies.closest(q[0], int(first), int(second))
+    # The arm first: names stand so.
+    start, end = ends[::-1] if kind == "environment" else ends
+    return Near(
+        kind=kind,
+        names=pairs.names[row],
+        distance=distance,
+        clearance=float(pairs.required[row]),
+        start=start,
+        end=end,
+    )

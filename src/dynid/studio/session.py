@@ -19,8 +19,7 @@ from dynid.identification import FORMAT
 from dynid.recording import ExperimentRecord, read_record
 from dynid.robot import RobotModel, load_robot
 from dynid.studio.jobs import Job, Supervisor
-from dynid.studio.live import Near, instant
-from dynid.studio.scene_editing import SceneEditor
+from dynid.studio.scene_editing import Near, SceneEditor, instant
 from dynid.trajectory import Trajectory
 from dynid.workflow import DesignLimits, read_design, truth_path
 

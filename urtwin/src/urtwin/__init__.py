@@ -7,8 +7,8 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from urtwin.command import RunningController, controller_process, own_address
     from urtwin.machine import ControllerMachine
-    from urtwin.process import RunningController, controller_process, own_address
 
 __version__ = "0.2.0"
 
@@ -22,9 +22,9 @@ __all__ = [
 
 _MODULE_OF = {
     "ControllerMachine": "urtwin.machine",
-    "RunningController": "urtwin.process",
-    "controller_process": "urtwin.process",
-    "own_address": "urtwin.process",
+    "RunningController": "urtwin.command",
+    "controller_process": "urtwin.command",
+    "own_address": "urtwin.command",
 }
 
 # dynid is no requirement by name: the name belongs to nobody on any package index.

@@ -1,17 +1,29 @@
-"""The command line: `urtwin`, which is also `dynid controller`."""
+"""The command line, `urtwin`, which is also `dynid controller`, and its process for clients.
 
-import ipaddress
+ur_rtde's constructors hold Python's global lock, so the controller cannot live in the process of
+its client.
+"""
+
+import itertools
 import json
 import os
+import select
+import signal
+import subprocess
 import sys
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import typer
 
-from dynid.core import DynidError, InputError
+from dynid.core import DynidError, JobError
 from urtwin import __version__
+from urtwin.settings import ControllerSettings, flag
 
 _EXAMPLES = (
     "--robot ur5",
@@ -54,62 +66,11 @@ def run_command(arguments: Sequence[str], name: str) -> None:
         context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     )
     lines = "\n".join(f"  {name} {words}" for words in _EXAMPLES)
-    app.command(epilog=f"\b\nExample:\n{lines}")(_controller)
+    app.command(epilog=f"\b\nExample:\n{lines}")(_with_options(_controller))
     typer.main.get_command(app)(list(arguments), prog_name=name, standalone_mode=False)
 
 
-def _option(told: str, metavar: str, **more: Any) -> Any:
-    return typer.Option(metavar=metavar, help=told, **more)
-
-
-def _flag(name: str, told: str) -> Any:
-    return typer.Option(name, help=told)
-
-
-def _controller(
-    robot: Annotated[str, _option("Built-in name, URDF or robot file.", "ROBOT")] = "ur5",
-    host: Annotated[
-        str,
-        _option(
-            "Where to listen; each controller needs an address of its own, 127.0.0.1 to "
-            "127.255.255.254.",
-            "ADDRESS",
-        ),
-    ] = "127.0.0.1",
-    thermal: Annotated[
-        str, _option("cold, warm, or joint temperatures in degC.", "STATE")
-    ] = "cold",
-    virtual_time: Annotated[
-        bool, _flag("--virtual-time", "Time advances as fast as the clients read.")
-    ] = False,
-    hold: Annotated[
-        bool, _flag("--hold", "Time starts when the first client has started RTDE.")
-    ] = False,
-    seed: Annotated[int, _option("Seed of the random numbers.", "N", min=0)] = 0,
-    rate: Annotated[
-        float | None,
-        _option("125 (CB-Series) or 500 (e-Series). [default: by the robot's name]", "HZ"),
-    ] = None,
-    software: Annotated[
-        str | None, _option("Version to announce, like 3.15.8 or 5.12.0.", "VERSION")
-    ] = None,
-    programs: Annotated[
-        Path | None,
-        _option("Programs for the dashboard's load: work.script for `load work.urp`.", "DIR"),
-    ] = None,
-    truth: Annotated[
-        Path | None, _option("Write the simulated arm's true parameters.", "FILE")
-    ] = None,
-    report: Annotated[
-        Path | None, _option("Write, at the end, the timing of the control cycles.", "FILE")
-    ] = None,
-    expose: Annotated[
-        bool, _flag("--expose", "Allow a --host that other machines can reach.")
-    ] = False,
-    parent: Annotated[int | None, typer.Option(hidden=True)] = None,
-    as_json: Annotated[bool, _flag("--json", "Print one JSON object on stdout.")] = False,
-    version: Annotated[bool, _flag("--version", "Print the version.")] = False,
-) -> None:
+def _controller(*, as_json: bool, version: bool, **options: Any) -> None:
     """A simulated UR controller: RTDE, script ports, dashboard.
 
     It simulates the dynamics of a real arm and listens on UR's own ports 29999 and 30001 to 30004
@@ -118,44 +79,19 @@ def _controller(
     if version:
         print(f"urtwin {__version__}")
         return
-    address = _address(host, expose=expose)
-    announced = None if software is None else _version(software)
-    state = _thermal(thermal)
-    for where, path in (("--truth", truth), ("--report", report)):
-        if path is not None and not os.path.isdir(path.parent):
-            raise InputError(
-                "the output's directory does not exist",
-                where=where,
-                value=str(path.parent),
-                next_step=f"Run: mkdir -p {path.parent}",
-            )
+    settings = ControllerSettings(**options)
 
     # Late, so that --help and bad usage are answered without physics and compilers.
-    from urtwin.server import ControllerSettings, serve
-
-    settings = ControllerSettings(
-        robot=robot,
-        host=address,
-        thermal=state,
-        virtual_time=virtual_time,
-        hold=hold,
-        seed=seed,
-        rate_hz=rate,
-        version=announced,
-        programs=programs,
-        truth=truth,
-        report=report,
-        parent=parent,
-    )
+    from urtwin.server import serve
 
     def ready(about: dict[str, Any]) -> None:
         if as_json:
             print(json.dumps(about, allow_nan=False), flush=True)
-        pace = "virtual time" if virtual_time else "real time"
+        pace = "virtual time" if settings.virtual_time else "real time"
         ports = ", ".join(f"{name} {port}" for name, port in about["ports"].items())
         print(
             f"urtwin: {about['robot']}, software {about['version']}, "
-            f"{about['rate_hz']:g} Hz, {pace}, at {address}: {ports}. Ctrl-C ends it.",
+            f"{about['rate_hz']:g} Hz, {pace}, at {settings.host}: {ports}. Ctrl-C ends it.",
             file=sys.stderr,
             flush=True,
         )
@@ -163,52 +99,137 @@ def _controller(
     serve(settings, sys.stderr, ready)
 
 
-def _thermal(text: str) -> str | float:
-    """`cold`, `warm` or degC, whose range the arm checks; else an `InputError`."""
-    if text in ("cold", "warm"):
-        return text
-    try:
-        return float(text)
-    except ValueError as error:
-        raise InputError(
-            "unknown thermal state",
-            where="--thermal",
-            value=text,
-            limit="cold, warm, or -40 to 120 degC",
-        ) from error
+def _with_options(run: Callable[..., None]) -> Callable[..., None]:
+    """A command whose options are the fields of the settings, and those of what it prints."""
+    found = list(signature(ControllerSettings).parameters.values())
+    for name, option in (
+        ("as_json", flag("--json", "Print one JSON object on stdout.")),
+        ("version", flag("--version", "Print the version.")),
+    ):
+        annotation = Annotated[bool, option]
+        found.append(Parameter(name, Parameter.KEYWORD_ONLY, default=False, annotation=annotation))
+    setattr(run, "__signature__", Signature(found))  # noqa: B010
+    setattr(run, "__annotations__", {each.name: each.annotation for each in found})  # noqa: B010
+    return run
 
 
-def _address(host: str, *, expose: bool) -> str:
-    """The address to listen on; `InputError` if it is none, or other machines can reach it."""
-    try:
-        address = ipaddress.IPv4Address("127.0.0.1" if host == "localhost" else host)
-    except ValueError as error:
-        raise InputError(
-            "this is no IPv4 address", where="--host", value=host, limit="for example 127.0.0.2"
-        ) from error
-    if not address.is_loopback:
-        if not expose:
-            raise InputError(
-                "other machines could reach the simulated controller there, and anybody could "
-                "send it programs",
-                where="--host",
-                value=host,
-                next_step="Use 127.0.0.x, or add --expose if you mean it",
+READY_S = 60.0
+"""How long a controller may take until clients can connect [s]."""
+_END_S = 5.0
+_COUNT = itertools.count()
+
+
+@dataclass(frozen=True, slots=True)
+class RunningController:
+    """A controller that clients can connect to."""
+
+    host: str
+    """Its address."""
+    ports: Mapping[str, int]
+    """`dashboard`, `primary`, `secondary`, `realtime`, `rtde`."""
+    rate_hz: float
+    """Control cycles a second."""
+    version: str
+    """Software version, dotted."""
+    process: subprocess.Popen[bytes]
+    """The process."""
+    log: Path
+    """What it tells people; gone when the context ends."""
+
+    def said(self) -> str:
+        """What it has told people so far."""
+        return self.log.read_text(errors="replace")
+
+    def end(self) -> int:
+        """Ask it to stop, as Ctrl-C does; its exit code."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        try:
+            return self.process.wait(_END_S)
+        except subprocess.TimeoutExpired:
+            return self.kill()
+
+    def kill(self) -> int:
+        """End it without asking, as a power cut does; its exit code."""
+        self.process.kill()
+        return self.process.wait()
+
+
+def own_address() -> str:
+    """A loopback address for one more controller of this process: UR's ports cannot be moved."""
+    pid, count = os.getpid(), next(_COUNT)
+    return f"127.{1 + (pid >> 8) % 250}.{pid % 256}.{1 + count % 250}"
+
+
+@contextmanager
+def controller_process(
+    robot: str | Path = "ur5",
+    *,
+    host: str | None = None,
+    thermal: str | float = "cold",
+    virtual_time: bool = False,
+    hold: bool = False,
+    seed: int = 0,
+    rate_hz: float | None = None,
+    software: str | None = None,
+    programs: Path | None = None,
+    truth: Path | None = None,
+    report: Path | None = None,
+) -> Generator[RunningController]:
+    """Start a controller, wait until clients can connect, and end it with the context.
+
+    It also ends when this process does, however that happens. The arguments are the options of
+    `urtwin` and the fields of `ControllerSettings`, but: `host` None is a loopback address that
+    no other process of this kind uses, `thermal` may be a number [degC], and `software` is the
+    version to announce, dotted; None: the one usual for the rate.
+
+    Raises:
+        JobError: It did not start; the message is its own.
+    """
+    options: dict[str, object | None] = {
+        "--robot": robot,
+        "--host": own_address() if host is None else host,
+        "--thermal": thermal,
+        "--seed": seed,
+        "--rate": rate_hz,
+        "--software": software,
+        "--programs": programs,
+        "--truth": truth,
+        "--report": report,
+        "--parent": os.getpid(),
+    }
+    words = [f"{name}={value}" for name, value in options.items() if value is not None]
+    words += [flag for flag, on in (("--virtual-time", virtual_time), ("--hold", hold)) if on]
+    command = [sys.executable, "-m", "urtwin", "--json", *words]
+    with (
+        tempfile.NamedTemporaryFile(prefix="urtwin-", suffix=".log") as file,
+        subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=file
+        ) as process,
+    ):
+        log = Path(file.name)
+        try:
+            about = _ready(process, log)
+            names = ("host", "ports", "rate_hz", "version")
+            running = RunningController(
+                **{name: about[name] for name in names}, process=process, log=log
             )
-        print(
-            f"urtwin: warning: {address} can be reached from other machines; "
-            "the protocols know no password",
-            file=sys.stderr,
-        )
-    return str(address)
+            yield running
+            running.end()
+        finally:
+            if process.poll() is None:
+                process.kill()
 
 
-def _version(text: str) -> tuple[int, int, int]:
-    """The numbers of a version; `InputError` if it is none."""
-    parts = text.split(".")
-    if not 2 <= len(parts) <= 3 or not all(part.isdigit() and len(part) < 4 for part in parts):
-        raise InputError(
-            "this is no software version", where="--software", value=text, limit="like 3.15.8"
+def _ready(process: subprocess.Popen[bytes], log: Path) -> dict[str, Any]:
+    """The line that a controller prints when it listens; `JobError` if it does not."""
+    stream = process.stdout
+    # The line comes at once, or never.
+    ready = stream is not None and select.select([stream], [], [], READY_S)[0]
+    line = stream.readline() if stream is not None and ready else b""
+    if not line.endswith(b"\n"):
+        raise JobError(
+            "the simulated controller did not start",
+            value=log.read_text(errors="replace").strip() or f"nothing within {READY_S:g} s",
         )
-    major, minor, bugfix, *_ = (*map(int, parts), 0)
-    return major, minor, bugfix
+    return cast("dict[str, Any]", json.loads(line))

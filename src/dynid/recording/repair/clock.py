@@ -98,8 +98,6 @@ _BESIDE = 9
 
 def report_clock(table: RawTable) -> RawTable:
     """Report gaps and jitter of the stamps."""
-    if table.samples < 4 or table.clock == "rate":
-        return table
     steps = np.diff(table.stamps)
     nominal = float(np.median(steps))
     # Where rows were left out the step is wide by our own doing, and reported as such.
@@ -148,8 +146,6 @@ def mend_jumps(table: RawTable) -> RawTable:
     Over rows that are missing, a moving robot has gone as far as the stamps say. Where it has
     gone one step only, the clock was set, or its counter began again.
     """
-    if table.clock == "rate" or table.samples < _FEWEST_ROWS:
-        return table
     t, q, ticks = table.stamps, table.signals["q"], table.ticks
     steps = np.diff(t)
     forward = steps[steps > 0] / ticks[steps > 0]
@@ -203,8 +199,6 @@ def _moves_on(share: Array, q: Array, ticks: Array, k: int) -> bool:
 
 def shorten_gaps(table: RawTable) -> RawTable:
     """Shorten pauses of the recorder that are far longer than the recording itself."""
-    if table.samples < _FEWEST_ROWS:
-        return table
     steps = np.diff(table.stamps)
     nominal = float(np.median(steps))
     filled = nominal * len(steps)
@@ -235,8 +229,6 @@ def join_runs(table: RawTable) -> RawTable:
 
     A run that is there twice, number by number, is left out.
     """
-    if table.samples < 2 * _FEWEST_ROWS or table.clock != "recorded":
-        return table
     t = table.stamps
     steps = np.diff(t)
     nominal = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
@@ -291,12 +283,10 @@ def spread_stamps(table: RawTable) -> RawTable:
     Stamps of 10 ms for rows that come every 8 ms repeat; their places in time are known by the
     rows, as long as none is more than one digit off an even clock.
     """
-    if table.samples < 24:
-        return table
     t, rows = table.stamps, table.index.astype(np.float64)
     steps = np.diff(t)
     rising = steps[steps > 0]
-    if len(rising) < 8 or table.clock != "recorded" or (steps < 0).any():
+    if len(rising) < 8 or (steps < 0).any():
         return table
     digit = float(rising.min())
     multiples = rising / digit

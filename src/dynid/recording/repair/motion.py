@@ -141,8 +141,6 @@ def drop_bursts(table: RawTable) -> RawTable:
     A jump without a way back is reported and kept: rows may be missing there.
     """
     q = table.signals["q"]
-    if table.samples < 24:
-        return table
     # How many ordinary steps each step spans: rows were left out, or are missing.
     steps = np.diff(table.stamps)
     ticks = np.maximum(table.ticks, steps / float(np.median(steps)))
@@ -211,8 +209,6 @@ def check_counted_rows(table: RawTable) -> RawTable:
     is twice as long as those before and after.
     """
     q, index = table.signals["q"], table.index
-    if table.clock != "rate" or table.samples < 50:
-        return table
     steps, ticks = np.diff(q, axis=0), table.ticks
     last = len(steps) - 6
     around = 0.25 * (steps[:last] + steps[1 : last + 1] + steps[5 : last + 5] + steps[6:])

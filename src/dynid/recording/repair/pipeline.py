@@ -12,7 +12,7 @@ from dynid.core import Array, Finding, RecordError
 from dynid.recording.content import located
 from dynid.recording.record import UNITS, ExperimentRecord, RecordMetadata, identity, numbers_hash
 from dynid.recording.repair import clock, joints, missing, motion, spikes, stamps
-from dynid.recording.table import TORQUE_SOURCES, Mask, RawTable, rows_with
+from dynid.recording.table import TORQUE_SOURCES, Mask, RawTable, ReadOptions, rows_with
 from dynid.robot import RobotModel
 
 _SCALES = {"q": (0.0, 1e5), "qd": (0.0, 1e5), "effort": (1e-9, 1e7), "current": (1e-9, 1e5)}
@@ -129,8 +129,6 @@ _FAR_BEYOND, _FAR_BELOW = 3.0, 0.06
 
 def _report_rest(table: RawTable) -> RawTable:
     """Report long standstill at the start and end; the rows are kept."""
-    if table.samples < 10:
-        return table
     t = table.stamps
     moving = _moving(t, table.signals["q"])
     if not moving.any():
@@ -165,8 +163,6 @@ to it, a share of all, and at least so many."""
 
 def _report_saturation(table: RawTable) -> RawTable:
     """Report torques and currents that are clipped."""
-    if table.samples < 50:
-        return table
     moving = _moving(table.stamps, table.signals["q"])
     for quantity in ("effort", "current"):
         value = table.signals.get(quantity)
@@ -229,20 +225,6 @@ def _report_odd_torques(table: RawTable, robot: RobotModel | None) -> RawTable:
     return table
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RepairSettings:
-    """What the user knows about a recording."""
-
-    robot: RobotModel | None = None
-    """The robot that was recorded."""
-    rate_hz: float | None = None
-    """The clock of a recording without time stamps [Hz]."""
-    degrees: bool = False
-    """Whether positions, velocities and accelerations are in degrees."""
-    joint_order: tuple[str, ...] | None = None
-    """Column numbers base to tip, or the robot's joint names in the file's order."""
-
-
 @dataclass(frozen=True, slots=True)
 class Rule:
     """One thing that a file may have wrong, and what is done about it."""
@@ -252,23 +234,33 @@ class Rule:
     earned_by: str
     """A file or damage that is read worse without it."""
     needs: tuple[str, ...] = ()
-    """The settings that it takes beside the table."""
+    """What it takes beside the table: the robot, options."""
+    rows: int = 0
+    """The fewest that it can judge."""
+    clocks: tuple[str, ...] = ("recorded", "header", "receive", "rate")
+    """Clocks of the tables that it is for."""
 
 
-def repair(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
+def repair(
+    table: RawTable, options: ReadOptions, robot: RobotModel | None = None
+) -> ExperimentRecord:
     """Check a raw table, repair what can be repaired, and report all of it.
 
     Args:
         table: What an importer found.
-        settings: What the user knows.
+        options: What the user knows.
+        robot: The robot that was recorded, if it is known.
 
     Raises:
         RecordError: What is left is no recording of this robot.
     """
     with located(table.source):
         for rule in RULES:
-            table = rule.apply(table, *(getattr(settings, name) for name in rule.needs))
-        return _record(table, settings)
+            if table.samples < rule.rows or table.clock not in rule.clocks:
+                continue
+            of_rule = (robot if name == "robot" else getattr(options, name) for name in rule.needs)
+            table = rule.apply(table, *of_rule)
+        return _record(table, robot)
 
 
 _LEAST_TICK = 1e-12
@@ -308,13 +300,13 @@ def _require_rows(table: RawTable) -> RawTable:
     return table
 
 
-def _record(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
+def _record(table: RawTable, robot: RobotModel | None) -> ExperimentRecord:
     t = table.stamps
     extra = {**table.extra, "t0": table.t0}
     if table.notes:
         extra["notes"] = "; ".join(table.notes)
     metadata = RecordMetadata(
-        robot=settings.robot.name if settings.robot else None,
+        robot=robot.name if robot else None,
         joint_names=table.joint_names,
         origin=table.source,
         format=table.format,
@@ -332,6 +324,7 @@ def _record(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
     return replace(record, problems=(*record.problems, *check_channels(record)))
 
 
+_STAMPED = ("recorded", "header", "receive")
 RULES: tuple[Rule, ...] = (
     Rule(joints.settle_joints, "kinova_gen3, bags: joints by name", ("robot", "joint_order")),
     Rule(_number_rows, "every message that names a row"),
@@ -339,29 +332,29 @@ RULES: tuple[Rule, ...] = (
     Rule(stamps.lay_together, "topics of one table on rows of their own"),
     Rule(missing.drop_missing, "cells that are empty or no number"),
     Rule(motion.drop_zero_positions, "rows of zeros at a lost link"),
-    Rule(stamps.drop_repeats, "panda_gaz: rows read faster than they are updated"),
-    Rule(clock.mend_jumps, "a clock that was set while it ran"),
-    Rule(clock.join_runs, "several runs in one file"),
-    Rule(clock.spread_stamps, "stamps that are rounded"),
-    Rule(stamps.repair_stamps, "stamps that repeat, run backwards or jump"),
-    Rule(clock.shorten_gaps, "a pause of an hour; a first or last stamp that is far off"),
+    Rule(stamps.drop_repeats, "panda_gaz: rows read faster than they are updated", rows=3),
+    Rule(clock.mend_jumps, "a clock that was set while it ran", rows=50, clocks=_STAMPED),
+    Rule(clock.join_runs, "several runs in one file", rows=100, clocks=("recorded",)),
+    Rule(clock.spread_stamps, "stamps that are rounded", rows=24, clocks=("recorded",)),
+    Rule(stamps.repair_stamps, "stamps that repeat, run backwards or jump", rows=2),
+    Rule(clock.shorten_gaps, "a pause of an hour; a first or last stamp that is far off", rows=50),
     Rule(joints.convert_degrees, "degrees that a user announces", ("robot", "degrees")),
     Rule(joints.unwrap_turns, "angles that jump where a turn is full", ("robot",)),
     Rule(joints.to_joint_side, "kr300_weigand, tx40: motor values", ("robot",)),
     Rule(joints.shift_turns, "angles that are a turn off", ("robot",)),
     Rule(missing.drop_frozen, "kinova_gen3: a torque that stands still"),
-    Rule(spikes.drop_spikes, "panda_gaz, kinova_gen3, ur5_kufieta: single wrong samples"),
-    Rule(motion.drop_bursts, "stretches of rows that are wrong"),
+    Rule(spikes.drop_spikes, "panda_gaz, kinova_gen3, ur5_kufieta: single wrong samples", rows=24),
+    Rule(motion.drop_bursts, "stretches of rows that are wrong", rows=24),
     Rule(missing.drop_broken_ends, "kinova_gen3: invalid last rows"),
     Rule(stamps.fill_held, "positions renewed on every tenth row"),
     Rule(_require_rows, "files of damage alone"),
     Rule(clock.settle_unit, "kinova_gen3: time in milliseconds"),
     Rule(joints.refuse_degrees, "degrees that nobody announced", ("robot",)),
-    Rule(clock.report_clock, "panda_gaz: jitter and lost rows"),
-    Rule(motion.check_counted_rows, "rows lost where nothing has a stamp"),
+    Rule(clock.report_clock, "panda_gaz: jitter and lost rows", rows=4, clocks=_STAMPED),
+    Rule(motion.check_counted_rows, "rows lost without stamps", rows=50, clocks=("rate",)),
     Rule(motion.check_velocities, "velocities in another unit", ("rate_hz",)),
-    Rule(_report_saturation, "torques that are clipped"),
-    Rule(_report_rest, "long standstill at an end"),
+    Rule(_report_saturation, "torques that are clipped", rows=50),
+    Rule(_report_rest, "long standstill at an end", rows=10),
     Rule(_report_odd_torques, "currents called efforts", ("robot",)),
 )
 """All rules in their order; `benchmarks/import_rules.py` takes out one after the other."""

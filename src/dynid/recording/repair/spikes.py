@@ -31,8 +31,6 @@ _DEFAULT_BAR = (40.0, 0.5, 0.0)
 
 def drop_spikes(table: RawTable) -> RawTable:
     """Leave out samples that stand far off the curve through their neighbours."""
-    if table.samples < 24:
-        return table
     bad = np.zeros(table.samples, dtype=np.bool_)
     found: list[str] = []
     for quantity, value in table.signals.items():

@@ -7,9 +7,8 @@ from itertools import pairwise
 import numpy as np
 
 from dynid.core import Array, RecordError, scipy_part
-from dynid.recording.clocks import at_times
 from dynid.recording.headers import by_rows
-from dynid.recording.table import Mask, RawTable, Rows, rows_with
+from dynid.recording.table import Mask, RawTable, Rows, at_times, rows_with
 
 MOST_DROPPED = 0.2
 """Share of rows that may go for their stamps."""
@@ -22,8 +21,6 @@ def repair_stamps(table: RawTable) -> RawTable:
     Raises:
         RecordError: Time does not run forwards, or more than a fifth of the rows would go.
     """
-    if table.samples < 2:
-        return table
     t = table.stamps
     steps = np.diff(t)
     forward = steps[steps > 0]
@@ -153,8 +150,6 @@ def drop_repeats(table: RawTable) -> RawTable:
     the same positions and torques, while the robot moves, are a reader that ran faster than
     the robot's updates: those rows are no measurements.
     """
-    if table.samples < 3:
-        return table
     stacked = np.concatenate(list(table.signals.values()), axis=1)
     same = np.concatenate([[False], (stacked[1:] == stacked[:-1]).all(axis=1)])
     twice = same & np.concatenate([[False], table.stamps[1:] == table.stamps[:-1]])

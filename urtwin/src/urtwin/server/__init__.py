@@ -2,4 +2,3 @@
 
 from urtwin.server.clock import LEAD_S as LEAD_S
 from urtwin.server.serve import serve as serve
-from urtwin.server.settings import ControllerSettings as ControllerSettings

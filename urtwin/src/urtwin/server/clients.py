@@ -11,7 +11,7 @@ from urtwin.interpreter import Interpreter
 from urtwin.machine import ControllerMachine
 from urtwin.rtde import Owners, RtdeSession
 from urtwin.server.connection import LEFT, Connection, question
-from urtwin.server.settings import INTERPRETER, READ_ONLY, ControllerSettings
+from urtwin.settings import INTERPRETER, READ_ONLY, ControllerSettings
 
 LARGEST_SCRIPT = 2_000_000
 """The longest program taken [bytes]."""

@@ -21,7 +21,7 @@ from urtwin.primary import packets, realtime_state, robot_state, version_message
 from urtwin.server.clients import Client, LeavingClient, Reception, RtdeClient, WatchingClient
 from urtwin.server.clock import COMPILER_PRIORITY, TOGETHER_S, Pace, VirtualPace, first_in_first_out
 from urtwin.server.connection import Connection, open_listeners
-from urtwin.server.settings import PORTS, PRIMARY, READ_ONLY, REALTIME, ControllerSettings
+from urtwin.settings import PORTS, PRIMARY, READ_ONLY, REALTIME, ControllerSettings
 from urtwin.urscript import CompiledProgram, ScriptError
 
 _PER_SECOND = 100

@@ -12,7 +12,7 @@ from dynid.simulation import SERIAL, simulated_arm
 from urtwin.machine import ControllerMachine
 from urtwin.server.clock import keep_time
 from urtwin.server.loop import ControllerServer, Log
-from urtwin.server.settings import CB_HZ, E_SERIES_HZ, PORTS, ControllerSettings
+from urtwin.settings import CB_HZ, E_SERIES_HZ, PORTS, ControllerSettings
 
 _CB, _E_SERIES = (3, 15, 8, 106339), (5, 12, 0, 1101319)
 
@@ -34,13 +34,13 @@ def serve(
     """
     log = Log(stream, "urtwin")
     robot = load_robot(settings.robot)
-    rate = settings.rate_hz or (E_SERIES_HZ if robot.name.endswith("e") else CB_HZ)
+    rate = settings.rate or (E_SERIES_HZ if robot.name.endswith("e") else CB_HZ)
     version = _CB if rate == CB_HZ else _E_SERIES
     if settings.version is not None:
         version = (*settings.version, version[3])
     arm = simulated_arm(robot, serial=SERIAL)
     machine = ControllerMachine(
-        arm, rate_hz=rate, thermal=settings.thermal, seed=settings.seed, version=version
+        arm, rate_hz=rate, thermal=settings.start, seed=settings.seed, version=version
     )
     server = ControllerServer(machine, settings, log)
     try:
