@@ -212,7 +212,7 @@ def _alone(ref: Reference, rival: Hypothesis, sums: Fits, first: int) -> Scored:
     none = np.zeros((p, m))
     # Inertias as published: spreads that the fault has widened hold its torques.
     links = len(sums.inertial)
-    known, without = sums.precision.copy(), sums.precision[:links, :links]
+    known = sums.precision.copy()
     known[:links, :links] = sums.inertial
     widened = replace(
         ref,
@@ -230,7 +230,7 @@ def _alone(ref: Reference, rival: Hypothesis, sums: Fits, first: int) -> Scored:
     )
     found, _ = settled(widened, start, ALONE_SWEEPS)
     found = replace(found, own=p, mean=ref.mean, precision=found.precision[:p, :p])
-    return score(found, rival, without)
+    return score(found, rival, sums)
 
 
 def _same(found: Explanation, now: Hypothesis) -> bool:

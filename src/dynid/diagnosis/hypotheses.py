@@ -20,7 +20,11 @@ Undo = Callable[[Recording, Array], Recording]
 
 PAYLOAD, LEVER_M = 0.1, 0.1
 """Mass that an arm is expected to carry, share of its own, and how far from the flange [m]."""
+MOST_CARRIED = 5.0
+"""... and how many times as much it may carry."""
 LEAST_DELAY_S = 0.006
+WIDENINGS = 3
+"""Solutions until the spread of a fault's sizes holds those that were found."""
 LEAST_ARM_M = 0.02
 """Shorter offsets between joints have no length that could be wrong."""
 
@@ -44,6 +48,8 @@ class Hypothesis:
     """None where its columns stay in the reference instead."""
     lowest: float = -np.inf
     """Sizes at or below it are not physical."""
+    widest: float = 1.0
+    """How far sizes may lie beyond their width without being pulled back."""
 
     @property
     def free(self) -> int:
@@ -167,6 +173,7 @@ def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hy
         columns=body,
         # What is left of the last link has a mass.
         lowest=-max(float(values[10 * (n - 1)]), 0.0),
+        widest=MOST_CARRIED,
     )  # fmt: skip
     friction = ref.columns[10 * n :].copy()
     friction[n : 2 * n] = 0.0  # motor inertia
@@ -311,26 +318,30 @@ def _eliminated(found: Fits) -> tuple[Array, Array, Array]:
     return left[:, :-1], left[:, -1], solved
 
 
-def score(found: Fits, rival: Hypothesis, inertial: Array) -> Scored:
+def score(found: Fits, rival: Hypothesis, own: Fits) -> Scored:
     """Score a rival against the reference.
 
     Args:
         found: Sums of the reference's columns, then the rival's.
         rival: The rival.
-        inertial: (10 n, 10 n) prior precision that the reference has without the rival.
+        own: Sums of the reference alone, which had its own spread of inertias.
     """
     p, m = found.own, len(rival.columns)
-    own = np.diag(1 / np.square(rival.width))
     normal, vector, solved = _eliminated(found)
-    inverse: Array = np.asarray(np.linalg.inv(normal + own), dtype=np.float64)
-    x = inverse @ vector
+    # Sizes far beyond the usual are not pulled toward it: theirs is the spread that they show.
+    prior, inverse, x = normal, normal, np.zeros(m)
+    for _ in range(WIDENINGS):
+        wide = np.clip(np.sqrt(np.square(x / rival.width).mean()), 1.0, rival.widest)
+        prior = np.diag(1 / np.square(wide * rival.width))
+        inverse = np.asarray(np.linalg.inv(normal + prior), dtype=np.float64)
+        x = inverse @ vector
     values = solved[:, -1] - solved[:, :-1] @ x
     widened = np.zeros((p + m, p + m))
-    widened[:p, :p], widened[p:, p:] = found.precision, own
+    widened[:p, :p], widened[p:, p:] = found.precision, prior
     mean = np.append(found.mean, np.zeros(m))
-    wide = found.precision.copy()
-    wide[: len(inertial), : len(inertial)] = inertial
-    without = replace(found, precision=wide)
+    precision, links = found.precision.copy(), len(own.inertial)
+    precision[:links, :links] = own.precision[:links, :links]
+    without = replace(found, precision=precision, wide=own.wide)
     before, _ = left_out(without)
     after, each = left_out(replace(found, own=p + m, mean=mean, precision=widened))
     away = each[:, p:] - each[:, p:].mean(axis=0)
@@ -340,16 +351,16 @@ def score(found: Fits, rival: Hypothesis, inertial: Array) -> Scored:
     ratios = np.abs(np.append(x, value)) / np.maximum(np.append(stds, std), 1e-300)
     gain = 0.5 * float(found.counts @ np.log(before / after))
     normal, vector, solved = _eliminated(without)
-    unlikely = found.penalty(solved[:, -1]) - found.penalty(values)
-    within: Array = np.asarray(np.linalg.inv(normal + own), dtype=np.float64)
-    size = float(np.linalg.slogdet(within)[1]) - 2 * float(np.log(rival.width).sum())
+    unlikely = without.penalty(solved[:, -1]) - found.penalty(values)
+    within: Array = np.asarray(np.linalg.inv(normal + prior), dtype=np.float64)
+    occam = float(np.linalg.slogdet(within)[1]) + float(np.log(np.diag(prior)).sum())
     return Scored(
         hypothesis=rival,
         value=value,
         std=std,
         values=x,
-        score=gain + unlikely - 0.5 * float(x @ own @ x),
-        evidence=0.5 * (float(vector @ within @ vector) + size),
+        score=gain + unlikely - 0.5 * float(x @ prior @ x),
+        evidence=0.5 * (float(vector @ within @ vector) + occam),
         certainty=float(ratios.max()),
     )
 

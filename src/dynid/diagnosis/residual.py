@@ -271,31 +271,27 @@ class Fits:
     """(10 n, 10 n) prior precision of the inertial parameters, as published."""
     seen: Array
     """(n) parameters of each link that the recording tells more about than the prior."""
+    wide: float
+    """Square of the spread of inertias in `precision` over the published one."""
     own: int
     """p, columns of the reference."""
 
-    def away(self, values: Array) -> Array:
-        """(n) squared distance of parameters (p) from each published link [deviations]."""
-        links = (values - self.mean)[: len(self.inertial)]
-        return (links * (self.inertial @ links)).reshape(-1, 10).sum(axis=1)
+    def widened(self, values: Array) -> float:
+        """Square of the spread of inertias over the published one, as parameters (p) show it.
 
-    def widening(self, values: Array) -> float:
-        """Square of the spread of inertias over the published one, where it is larger.
-
-        The link that is furthest off may carry something: the others tell.
+        It is no narrower. The link that is furthest off may carry something: the others tell.
         """
-        away = self.away(values)
+        links = (values - self.mean)[: len(self.inertial)]
+        away = (links * (self.inertial @ links)).reshape(-1, 10).sum(axis=1)
         others = np.arange(len(away)) != away.argmax()
         wide = (FREEDOM + away[others].sum()) / (FREEDOM + self.seen[others].sum())
         return float(np.clip(wide, 1.0, ROUGHEST**2))
 
     def penalty(self, values: Array) -> float:
         """How unlikely parameters (p) are before anything was measured [nats]."""
-        first, wide = len(self.inertial), self.widening(values)
-        rest = values[first:] - self.mean[first:]
-        links = float(self.away(values).sum()) / wide
-        spread = (FREEDOM + float(self.seen.sum())) * float(np.log(wide))
-        return 0.5 * (links + spread + float(rest @ self.precision[first:, first:] @ rest))
+        away = values - self.mean
+        spread = (FREEDOM + float(self.seen.sum())) * float(np.log(self.wide))
+        return 0.5 * (float(away @ self.precision @ away) + spread)
 
 
 def correlation_length(error: Array) -> Array:
@@ -344,6 +340,7 @@ def fits(ref: Reference) -> tuple[Fits, Array]:
         precision=ref.precision,
         inertial=ref.precision[: 10 * n, : 10 * n],
         seen=np.zeros(n),
+        wide=1.0,
         own=len(ref.columns),
     )
     return settled(ref, found, SWEEPS)
@@ -374,10 +371,12 @@ def settled(ref: Reference, found: Fits, sweeps: int) -> tuple[Fits, Array]:
         precision = found.precision.copy()
         held = np.sum(found.precision[:links, :links] * covariance[:links, :links], axis=1)
         found = replace(found, seen=np.maximum(10 - held.reshape(-1, 10).sum(axis=1), 0.0))
-        precision[:links, :links] = found.inertial / found.widening(values)
+        wide = found.widened(values)
+        precision[:links, :links] = found.inertial / wide
         square = np.square(values[shapes]) + covariance[shapes, shapes]
         precision[shapes, shapes] = widest / np.clip(square * widest, NARROWEST**2, 1.0)
         found = replace(
-            found, weights=1 / (variance * length), counts=found.rows / length, precision=precision
-        )
+            found, weights=1 / (variance * length), counts=found.rows / length,
+            precision=precision, wide=wide,
+        )  # fmt: skip
     return found, values
