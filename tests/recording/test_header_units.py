@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynid.core import RecordError
-from dynid.recording import factor_of, read_recording
+from dynid.recording import factor_of, match_headers, read_recording
 from dynid.robot import load_robot
 
 JOINTS = range(1, 7)
@@ -33,6 +33,31 @@ def test_si_units_pass(tmp_path: Path, names: dict[str, str]) -> None:
     record = read_recording(write(tmp_path / "x.csv", **names), robot=load_robot("ur5"))
     assert record.samples == 400
     assert record.rate_hz == pytest.approx(125.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("position", "target", "torque"),
+    [
+        ("J{} [deg]", "J{} target [deg]", "J{} [Nm]"),
+        ("A{} Ist [deg]", "A{} Soll [deg]", "A{} [kNm]"),
+        ("Axis {} [°]", "Axis {} ref [°]", "Axis {} [A]"),
+        ("j{}_rad", "j{}_cmd_rad", "j{}_nm"),
+    ],
+)
+def test_a_unit_says_what_a_column_of_a_joint_holds(
+    position: str, target: str, torque: str
+) -> None:
+    columns = [text.format(k) for text in (position, target, torque) for k in JOINTS]
+    found = match_headers(["t", *columns]).columns
+    source = "current" if "[A]" in torque else "effort"
+    every = [found[name] for name in ("q", "target_q", source)]
+    assert every == [list(range(first, first + 6)) for first in (1, 7, 13)]
+
+
+@pytest.mark.parametrize("name", ["J{}", "J{} [%]", "J{} [-]", "J{} error [deg]", "tool {} [deg]"])
+def test_no_unit_that_says_it_is_guessed(name: str) -> None:
+    with pytest.raises(RecordError, match="no columns of positions"):
+        match_headers(["t", *(name.format(k) for k in JOINTS), *(f"tau{k}" for k in JOINTS)])
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from pinocchio_chains import random_chain, random_states
 
 from dynid.regressor import TERMS, FrictionTerms, InverseDynamicModel, parse_terms
 from dynid.regressor import columns as layout
-from dynid.regressor.terms import smooth_sign
+from dynid.regressor.terms import friction_state, smooth_sign
 from dynid.robot import Drives, RobotModel, load_robot
 
 FORMULA = 1e-14
@@ -164,3 +164,18 @@ def test_plain_gears_add_no_columns() -> None:
     model = InverseDynamicModel(robot=_coupled(np.diag([30.0, -48.0, 40.0])))
     assert len(model.columns) == 39
     assert len(InverseDynamicModel(robot=load_robot("ur5")).columns) == 78
+
+
+def test_friction_of_a_coupled_motor_builds_up_over_its_own_motion() -> None:
+    over = 0.05
+    friction = replace(parse_terms("fv"), presliding=(0.0, 0.0, over))
+    model = InverseDynamicModel(robot=_coupled(), friction=friction)
+    t = np.linspace(0, 3, 400)[:, None]
+    phase = np.arange(3)
+    q, dq, ddq = np.sin(3 * t + phase), 3 * np.cos(3 * t + phase), -9 * np.sin(3 * t + phase)
+    state = model.friction_state(q)
+    assert state is not None
+    share = COUPLING[2] / COUPLING[2, 2]
+    own = friction_state((q @ share)[None], np.array([over]))[0]
+    column = model.stack(q, dq, ddq, state=state)[model.names.index("Fcm3")]
+    np.testing.assert_allclose(column, share[:, None] * own, rtol=FORMULA, atol=FORMULA)

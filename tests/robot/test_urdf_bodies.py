@@ -247,3 +247,9 @@ def test_meshes_are_enclosed() -> None:
         own = [body for body in robot.bodies if body.link == min(item.parentJoint, 7)]
         corners = np.unique(placed, axis=0)
         assert np.min([depth(corners, body) for body in own], axis=0).max() <= ROUNDING
+
+
+def test_meshes_that_are_not_there_are_one_note(tmp_path: Path) -> None:
+    path, robot = arm(tmp_path, *(f'<mesh filename="{name}.stl"/>' for name in "abc"))
+    (note,) = with_collision_geometry(robot, path).body_notes
+    assert note.startswith("meshes of one are not judged: the mesh a.stl was not found")

@@ -14,7 +14,7 @@ import numpy as np
 from dynid.core import Array, InputError, freeze, frozen, scipy_part
 from dynid.export.completion import Completion, complete
 from dynid.identification import Estimate
-from dynid.regressor import InverseDynamicModel, TorqueRipple, coupled_motors
+from dynid.regressor import InverseDynamicModel, TorqueRipple, coupled_motors, motor_turns
 from dynid.robot import RobotModel, move
 
 JOINT_SYMBOLS = ("Fc", "Fv", "Im", "Fo", "Fca", "Fva", "Fs", "Fr")
@@ -111,14 +111,13 @@ def completed_model(estimate: Estimate) -> tuple[ExportModel, Completion]:
     friction = model.friction
     width = friction.width
     motors = coupled_motors(robot)
-    ratios = robot.drives.motor_from_joint
     whole = ExportModel(
         robot=robot,
         inertials=_about_joints(values[: 10 * n], frames),
         terms=terms,
         width=np.broadcast_to(np.asarray(width, dtype=np.float64), (n,)),
         stribeck_velocity=friction.stribeck_velocity,
-        shares=np.array([ratios[m] / ratios[m, m] for m in motors]).reshape(-1, n),
+        shares=motor_turns(robot),
         motors=motors,
         load=None
         if friction.load is None

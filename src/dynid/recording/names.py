@@ -88,6 +88,8 @@ OTHER = words_of(
 """Words that make something else of a quantity."""
 CONTENT = words_of("data value values signals")
 """Last words of paths that only say that here are the numbers."""
+_RANK_BY_UNIT = 30_000
+"""Behind every name that says what it is."""
 TARGET_OF = {
     "q": "target_q",
     "qd": "target_qd",
@@ -119,6 +121,10 @@ _QUALIFIERS = (TARGET | OTHER | CONTENT) | words_of(
 _SUNRISE = re.compile(r"_lbr_[a-z]+_\d+_r\d+(_\d+)?")
 """KUKA's DataRecorder writes the robot's name into each column's."""
 _ONE_LETTER = {"a": "current", "s": "t"}
+_OF_A_JOINT = MEASURED | TARGET | words_of("joint joints jnt axis axe achse gelenk motor ist")
+"""Words beside a joint's number or name that leave it to the unit what the column holds."""
+_BY_UNIT = ("q", "qd", "qdd", "effort", "current", "temperature")
+"""Quantities of which a unit is asked in turn whether it is one of theirs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,10 +173,23 @@ class Name:
             return None
         # `Temps` is French for time; with a number it is a temperature.
         french = self.base == "temps" and self.index is None
-        found = RANK["t"] if french else quantity_of(self.base)
+        found = RANK["t"] if french else quantity_of(self.base) or self._by_unit
         if found and around & TARGET and found[0] in TARGET_OF:
             return TARGET_OF[found[0]], found[1]
         return found
+
+    @property
+    def _by_unit(self) -> tuple[str, int] | None:
+        """The meaning of `J1 [deg]`: a joint, and nothing else that says what its column holds."""
+        words = {word for word in self.base.split("_") if word}
+        if not words <= _OF_A_JOINT or not (self.joint or self.index is not None):
+            return None
+        if not any(letter.isalpha() or letter == "°" for letter in self.unit):
+            return None
+        fits = (quantity for quantity in _BY_UNIT if factor_of(quantity, self.unit) is not None)
+        if (quantity := next(fits, "")) and words & TARGET:
+            quantity = TARGET_OF.get(quantity, "")
+        return (quantity, _RANK_BY_UNIT) if quantity else None
 
 
 def says_degrees(name: str) -> bool:
@@ -203,6 +222,9 @@ def parse_name(text: str, joints: Sequence[str] = ()) -> Name:
                 index, last = int(match.group(1)), parts.pop()
             else:
                 last, index = _index(last)
+    if index is None and unit and not parts and (match := _INDEX_ALONE.fullmatch(last)):
+        # `J1 [deg]`
+        index, last = int(match.group(1)), ""
     if index is None and not inside and parts and (match := _INDEX_PATH.match(parts[-1])):
         index, parts[-1] = int(match.group(2)), match.group(1)
     if index is None and not inside and parts and (match := _INDEX_ALONE.fullmatch(parts[-1])):
@@ -297,6 +319,10 @@ def _unit_at_the_end(name: Name) -> Name:
     for count in (3, 2, 1):
         stem, tail = "_".join(words[:-count]).removesuffix("_in"), "_".join(words[-count:])
         meaning = quantity_of(stem)
+        if meaning is None and len(tail) > 1 and not name.unit:
+            # `J1_deg`
+            split = replace(name, base=stem, unit=tail)
+            meaning = split.meaning
         if meaning is None or (len(tail) == 1 and _ONE_LETTER.get(tail) != meaning[0]):
             continue
         if factor_of(meaning[0], tail) is not None:

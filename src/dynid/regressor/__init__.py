@@ -7,6 +7,7 @@ from dynid.regressor.adjoint import regressor_pullback as regressor_pullback
 from dynid.regressor.adjoint import torque_adjoint as torque_adjoint
 from dynid.regressor.columns import JointColumns as JointColumns
 from dynid.regressor.columns import coupled_motors as coupled_motors
+from dynid.regressor.columns import motor_turns as motor_turns
 from dynid.regressor.columns import smooth_sign as smooth_sign
 from dynid.regressor.inertial import Places as Places
 from dynid.regressor.inertial import in_lanes as in_lanes

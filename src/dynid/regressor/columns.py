@@ -202,8 +202,7 @@ class Coupling(ColumnBlock):
     def fill(self, robot: RobotModel, dq: Array, ddq: Array, out: Array) -> None:
         """See `ColumnBlock`."""
         rows = coupled_motors(robot)
-        for k, m in enumerate(rows):
-            share, width = self._motor(robot, m)
+        for k, (share, width) in enumerate(self._motors(robot)):
             speed = share @ dq
             terms = (smooth_sign(speed, width), speed, share @ ddq)
             for block, term in enumerate(terms):
@@ -220,18 +219,17 @@ class Coupling(ColumnBlock):
     ) -> None:
         """See `ColumnBlock`."""
         rows = coupled_motors(robot)
-        for k, m in enumerate(rows):
-            share, width = self._motor(robot, m)
+        for k, (share, width) in enumerate(self._motors(robot)):
             coulomb, viscous, inertia = (share @ weights[b * len(rows) + k] for b in range(3))
             speed_bar = coulomb * smooth_slope(share @ dq, width) + viscous
             dq_bar += share[:, None] * speed_bar
             ddq_bar += share[:, None] * inertia
 
-    def _motor(self, robot: RobotModel, motor: int) -> tuple[Array, float]:
-        """The motor's turns per joint turn (n), its own joint 1, and its Coulomb width."""
-        ratio = robot.drives.motor_from_joint[motor]
-        width = self.width[motor] if isinstance(self.width, tuple) else self.width
-        return ratio / ratio[motor], width
+    def _motors(self, robot: RobotModel) -> list[tuple[Array, float]]:
+        """Each motor's turns per joint turn (n) and its Coulomb width."""
+        motors = coupled_motors(robot)
+        widths = [self.width[m] if isinstance(self.width, tuple) else self.width for m in motors]
+        return list(zip(motor_turns(robot), widths, strict=True))
 
 
 def coupled_motors(robot: RobotModel) -> tuple[int, ...]:
@@ -239,6 +237,12 @@ def coupled_motors(robot: RobotModel) -> tuple[int, ...]:
     if robot.drives.coupling is None:
         return ()
     return tuple(m for m, row in enumerate(robot.drives.coupling) if np.count_nonzero(row) > 1)
+
+
+def motor_turns(robot: RobotModel) -> Array:
+    """(k, n) turns of each coupled motor per turn of the joints, its own joint's being 1."""
+    motors, ratios = list(coupled_motors(robot)), robot.drives.motor_from_joint
+    return ratios[motors] / ratios[motors, motors][:, None]
 
 
 def column_blocks(friction: FrictionTerms, *, coupled: bool = False) -> tuple[ColumnBlock, ...]:

@@ -5,7 +5,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dynid.core import Array, InputError, read_only
-from dynid.regressor.columns import Column, ColumnBlock, column_blocks, coupled_motors, smooth_sign
+from dynid.regressor.columns import (
+    Column,
+    ColumnBlock,
+    column_blocks,
+    coupled_motors,
+    motor_turns,
+    smooth_sign,
+)
 from dynid.regressor.inertial import (
     ChainConstants,
     chain_constants,
@@ -91,20 +98,24 @@ class InverseDynamicModel:
         return tuple(column.name for column in self.columns)
 
     def friction_state(self, q: Array, *, periodic: bool = False) -> Array | None:
-        """The state (n, N) of presliding friction along a motion q (N, n); None without any.
+        """The state (n + k, N) of presliding friction along a motion q (N, n); None without any.
 
-        Joints without presliding have NaN.
+        Of the joints, then of k coupled motors, each over its own joint's displacement; NaN
+        without presliding.
 
         Args:
             q: (N, n) positions in the order of time [rad or m].
             periodic: The motion is one period of many.
         """
-        joints = self._presliding()
-        if not joints:
+        if not any(self.friction.presliding):
             return None
-        state = np.full(q.T.shape, np.nan)
-        over = np.array([self.friction.presliding[j] for j in joints])
-        state[joints] = friction_state(q.T[joints], over, periodic=periodic)
+        over = np.array(self.friction.presliding)
+        turned = q.T
+        if motors := coupled_motors(self.robot):
+            over = np.concatenate([over, over[[*motors]]])
+            turned = np.concatenate([turned, motor_turns(self.robot) @ turned])
+        state, has = np.full(turned.shape, np.nan), over > 0
+        state[has] = friction_state(turned[has], over[has], periodic=periodic)
         return state
 
     def _presliding(self) -> list[int]:
@@ -120,7 +131,7 @@ class InverseDynamicModel:
             dq: (N, n) velocities.
             ddq: (N, n) accelerations.
             out: What an earlier call with the same N returned, to be written again.
-            state: (n, N) see `friction_state`; None for samples that are no motion: friction is
+            state: (n + k, N) see `friction_state`; None for samples that are no motion: friction is
                 then what it is while sliding.
 
         Returns:
@@ -148,6 +159,11 @@ class InverseDynamicModel:
                 for name, share in ((f"Fc{j + 1}", 1.0), (f"Fs{j + 1}", rest[j])):
                     if name in self.names:
                         out[self.names.index(name), j] = share * state[j]
+            turns = motor_turns(self.robot)
+            for k, m in enumerate(coupled_motors(self.robot)):
+                if m in before:
+                    own = state[robot.joints + k]
+                    out[self.names.index(f"Fcm{m + 1}")] = turns[k][:, None] * own
         load = self.friction.load
         if load is not None:
             carried = np.tensordot(np.array(load.parameters), out[: 10 * robot.joints], axes=1)

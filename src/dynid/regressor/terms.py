@@ -326,7 +326,7 @@ class FrictionTerms:
     def without(self, names: Collection[str], joints: int) -> "FrictionTerms":
         """These terms of so many joints without named parameters, such as `Fv3`.
 
-        A joint without Coulomb friction has no presliding.
+        Displacements stay: a coupled motor has that of its joint, which may turn freely.
         """
         kept: list[tuple[str, tuple[int, ...] | None]] = []
         for term, given in self.terms:
@@ -334,12 +334,11 @@ class FrictionTerms:
             left = tuple(j for j in have if f"{term.capitalize()}{j + 1}" not in names)
             if left:
                 kept.append((term, given if left == have else left))
-        over = tuple(0.0 if f"Fc{j + 1}" in names else d for j, d in enumerate(self.presliding))
         load = self.load
         if load is not None:
             loaded = tuple(j for j in load.joints if f"Fl{j + 1}" not in names)
             load = replace(load, joints=loaded) if loaded else None
-        return replace(self, terms=tuple(kept), presliding=over if any(over) else (), load=load)
+        return replace(self, terms=tuple(kept), load=load)
 
     def check_joints(self, joints: int) -> None:
         """Check against the number of joints of a robot.

@@ -22,6 +22,10 @@ from dynid.robot.urdf import MAX_BYTES, find_trunk, place_links
 from dynid.robot.urdf_xml import parse_root, parse_urdf, read_number, read_origin, read_vector
 
 
+class _NoMesh(RobotError):
+    """The file of a mesh is not there."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UrdfShape:
     """One element of a URDF with a geometry."""
@@ -88,7 +92,7 @@ class UrdfShape:
         if file is None:
             looked = ", ".join(dict.fromkeys(shown_path(one) for one in tries[:_NAMED]))
             unset = [key for key in _SEARCHED if not os.environ.get(key)]
-            raise RobotError(
+            raise _NoMesh(
                 f"the mesh {printable(name)} was not found; looked for {looked}"
                 f"{' ...' if len(tries) > _NAMED else ''}"
                 f"{f' ({chr(32).join(unset)} not set)' if unset else ''}"
@@ -115,6 +119,7 @@ def with_collision_geometry(
     found: list[Body] = []
     notes: list[str] = []
     unread: list[str] = []
+    lost: list[tuple[str, str]] = []
     count = Counter[str]()
     for item in urdf_shapes(robot, path, "collision", tip=tip, mesh_dirs=mesh_dirs):
         try:
@@ -124,8 +129,14 @@ def with_collision_geometry(
                 found.append(Body(name=name, link=item.link, points=points, radius=radius))
         except MissingExtraError:
             unread.append(item.name)
+        except _NoMesh as error:
+            lost.append((item.name, error.what))
         except RobotError as error:
             notes.append(f"{item.where} is not judged: {error.what}")
+    if lost:
+        # Mostly for one reason: where the first was looked for says enough.
+        named = ", ".join(dict.fromkeys(name for name, _ in lost))
+        notes.append(f"meshes of {named} are not judged: {lost[0][1]}")
     if unread:
         named = ", ".join(dict.fromkeys(unread))
         notes.append(f"meshes of {named} are not judged: pip install 'dynid[collision]' reads them")

@@ -125,11 +125,16 @@ class CandidateColumns:
             steps.append(first + min(k, plain) + behind)
         return tuple(steps)
 
-    def moves(self, now: JointChoice) -> list[JointChoice]:
-        """The choices one move away from one; widths differ where a term has a step."""
+    def moves(self, now: JointChoice, coupled: bool) -> list[JointChoice]:
+        """The choices one move away from one; widths differ where a term has a step.
+
+        Presliding of a joint whose motor is coupled to others is that of the motor, and stays.
+        """
         widths = range(len(WIDTHS) if self.stepped else 1)
-        found = [replace(now, width=k, displacement=None) for k in widths]
-        found += [replace(now, displacement=k) for k in range(len(self.displacements))]
+        found = [replace(now, width=k) for k in widths]
+        if not coupled:
+            found = [replace(move, displacement=None) for move in found]
+            found += [replace(now, displacement=k) for k in range(len(self.displacements))]
         found += [replace(now, terms=now.terms ^ {term}) for term in range(len(self.extras))]
         return [move for move in found if move != now]
 

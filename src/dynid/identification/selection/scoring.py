@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline  # pyright: ignore[reportMissingTypeSt
 
 from dynid.core import Array, Indices, InputError, Mask
 from dynid.identification.bayesian import not_negative, published_prior
-from dynid.identification.problem import block_mean, chunk_size, recorded_rows
+from dynid.identification.problem import block_mean, chunk_size, motion_state, recorded_rows
 from dynid.identification.selection.columns import (
     DISPLACEMENTS,
     EXTRA_TERMS,
@@ -40,7 +40,7 @@ from dynid.identification.selection.regions import (
     stretches,
 )
 from dynid.reduction import reduce_model
-from dynid.regressor import FrictionTerms, InverseDynamicModel
+from dynid.regressor import FrictionTerms, InverseDynamicModel, coupled_motors
 from dynid.robot import RobotModel
 from dynid.signals import ProcessingSettings, Samples, UniformSignals, delayed, samples_from
 
@@ -284,13 +284,14 @@ class ScoreSearch:
         own = samples.as_recorded(own)
         # The torques come in several versions: only what is added to them is wanted here.
         still = replace(samples, tau=np.zeros(samples.q.shape))
+        state = motion_state(self.base.model, samples)
         count = (used.stop - used.start) // block
         step = max(1, chunk_size(samples) // block)
         for first in range(0, count, step):
             rows = slice(first, min(first + step, count))
             part = slice(used.start + rows.start * block, used.start + rows.stop * block)
             stack, known = recorded_rows(
-                self.base.model, still, part, list(self.base.independent), None
+                self.base.model, still, part, list(self.base.independent), state
             )
             values = np.concatenate([stack, own[:, :, part], torques[:, :, part] + known])
             yield rows, block_mean(values, block)
@@ -401,7 +402,7 @@ class ScoreSearch:
             before = choices
             for j in range(self.robot.joints):
                 found: tuple[float, JointChoice, Scores] | None = None
-                for trial in self.columns.moves(choices[j]):
+                for trial in self.columns.moves(choices[j], j in coupled_motors(self.robot)):
                     moved = (*choices[:j], trial, *choices[j + 1 :])
                     scored = self.scores(blocks, moved, weights, prior)
                     price = GAIN_OF_TERM * (trial.size - choices[j].size)

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, Progress, silent
-from dynid.identification.selection.columns import PLAIN_WIDTH, JointChoice
+from dynid.identification.selection.columns import DISPLACEMENTS, PLAIN_WIDTH, JointChoice
 from dynid.identification.selection.delays import Delays, measured_delays, refined_delays
 from dynid.identification.selection.scoring import GAIN_OF_SHAPE, PRIOR_OF_PLAIN, ScoreSearch
-from dynid.regressor import FrictionTerms
+from dynid.regressor import FrictionTerms, coupled_motors
 from dynid.robot import RobotModel
 from dynid.signals import (
     NYQUIST_SHARE,
@@ -82,7 +82,6 @@ def select(
         InputError: A recording is too short to leave parts out.
     """
     tell = progress or silent
-    choices = (JointChoice(PLAIN_WIDTH, frozenset()),) * robot.joints
     delays_are_free, late = settings.delays_s is None, Delays()
     if delays_are_free and (terms is not None or not presliding):
         # Friction that the model leaves out would look like delays.
@@ -95,6 +94,8 @@ def select(
     search = ScoreSearch(
         robot, frames, at_one_rate(recordings), terms, presliding=presliding, purpose=purpose
     )
+    over = _take_presliding_of_motors(search, _settings_to_try(recordings, settings))
+    choices = tuple(JointChoice(PLAIN_WIDTH, frozenset(), displacement) for displacement in over)
     if delays_are_free and not smoothed:
         tell("delays", 0.0)
         late = measured_delays(search, settings)
@@ -143,6 +144,32 @@ def select(
         purpose=purpose,
         delays_std_s=late.std_s,
     )
+
+
+def _take_presliding_of_motors(
+    search: ScoreSearch, trials: Sequence[ProcessingSettings]
+) -> list[int | None]:
+    """Let friction of coupled motors build up where that pays; over which displacement, by joint.
+
+    Their columns stand in the rows of several joints, so that no joint can choose alone. All have
+    the same displacement; None for joints of other motors, and where a step is as good.
+    """
+    motors, joints = coupled_motors(search.robot), range(search.robot.joints)
+    found: list[int | None] = [None for _ in joints]
+    if not (motors and search.columns.displacements):
+        return found
+    base, levers = search.base, search.columns.levers.tolist()
+    trial = min(trials, key=search.plain_score)
+    best, taken = search.plain_score(trial) - GAIN_OF_SHAPE * len(joints), base
+    for k, displacement in enumerate(DISPLACEMENTS):
+        over = tuple(displacement * levers[j] if j in motors else 0.0 for j in joints)
+        friction = replace(base.model.friction, presliding=over)
+        search.base = replace(base, model=replace(base.model, friction=friction))
+        if (score := search.plain_score(trial)) < best:
+            best, taken = score, search.base
+            found = [k if j in motors else None for j in joints]
+    search.base = taken
+    return found
 
 
 def _passed_by(search: ScoreSearch, trial: ProcessingSettings) -> TorqueFilter | None:
