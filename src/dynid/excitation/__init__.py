@@ -8,10 +8,7 @@ from dynid.excitation.criteria import parse_criterion as parse_criterion
 from dynid.excitation.criteria import prior_scale as prior_scale
 from dynid.excitation.criteria import scaled_condition_number as scaled_condition_number
 from dynid.excitation.evaluation import DesignEvaluation as DesignEvaluation
-from dynid.excitation.feasible import check_room as check_room
-from dynid.excitation.genetic import evolve as evolve
-from dynid.excitation.gram import GramKernel as GramKernel
-from dynid.excitation.multistart import Effort as Effort
+from dynid.excitation.evaluation import GramKernel as GramKernel
 from dynid.excitation.optimise import METHODS as METHODS
 from dynid.excitation.optimise import ExcitationDesign as ExcitationDesign
 from dynid.excitation.optimise import Optimised as Optimised
@@ -31,5 +28,8 @@ from dynid.excitation.purpose import safe_motions as safe_motions
 from dynid.excitation.purpose import whole_workspace as whole_workspace
 from dynid.excitation.purpose import without_friction as without_friction
 from dynid.excitation.region import MotionRegion as MotionRegion
+from dynid.excitation.region import check_room as check_room
 from dynid.excitation.region import random_numbers as random_numbers
 from dynid.excitation.region import region_of as region_of
+from dynid.excitation.searches import Effort as Effort
+from dynid.excitation.searches import evolve as evolve

@@ -15,9 +15,8 @@ from dynid.constraints import MotionConstraints, prior_dynamics
 from dynid.core import Array, InputError
 from dynid.excitation.criteria import AOptimal, inverse
 from dynid.excitation.evaluation import DesignEvaluation
-from dynid.excitation.feasible import free_poses, grown_motion
 from dynid.excitation.problem import ExcitationProblem
-from dynid.excitation.region import region_of
+from dynid.excitation.region import free_poses, grown_motion, region_of
 from dynid.reduction import BaseParametrization
 from dynid.robot import RobotModel
 from dynid.trajectory import JointMotion, motion_family

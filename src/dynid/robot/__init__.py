@@ -6,10 +6,10 @@ Start with `dynid.robot.load.load_robot`.
 from dynid.robot.body import Body as Body
 from dynid.robot.body import box_points as box_points
 from dynid.robot.body import cylinder_points as cylinder_points
-from dynid.robot.dh import robot_from_chain as robot_from_chain
-from dynid.robot.dh import robot_from_dh as robot_from_dh
 from dynid.robot.kinematics import joint_poses as joint_poses
 from dynid.robot.kinematics import nominal_geometry as nominal_geometry
+from dynid.robot.kinematics import robot_from_chain as robot_from_chain
+from dynid.robot.kinematics import robot_from_dh as robot_from_dh
 from dynid.robot.kinematics import structural_gravity as structural_gravity
 from dynid.robot.kinematics import with_mount as with_mount
 from dynid.robot.load import BuiltinRobot as BuiltinRobot
