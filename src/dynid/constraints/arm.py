@@ -8,7 +8,7 @@ from numba import njit
 
 from dynid.core import Array, Indices, read_only
 from dynid.regressor import FrictionTerms, InverseDynamicModel, torque_adjoint
-from dynid.robot import Body, RobotModel, from_body, inverse, move, tensor
+from dynid.robot import Body, RobotModel, from_body, inverse, joint_turns, move, tensor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,25 +45,15 @@ class ArmGeometry:
 
 def arm_geometry(robot: RobotModel) -> ArmGeometry:
     """The geometry of a robot."""
-    rows = np.zeros((robot.joints, 36))
-    for k, row in enumerate(rows):
-        turn, place = robot.placements[k, :3, :3], robot.placements[k, :3, 3]
-        axis = robot.axes[k]
-        cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-        outer = np.outer(axis, axis)
-        if robot.prismatic[k]:
-            row[:9] = turn.ravel()
-            row[30:33] = turn @ axis
-        else:
-            row[:9] = (turn @ outer).ravel()
-            row[9:18] = (turn @ (np.eye(3) - outer)).ravel()
-            row[18:27] = (turn @ cross).ravel()
-        row[27:30] = place
-        row[33:36] = axis
+    n, turn, place = robot.joints, robot.placements[:, :3, :3], robot.placements[:, :3, 3]
+    slides = np.array(robot.prismatic)[:, None]
+    turns = (turn @ part for part in joint_turns(robot))
+    slide = slides * (turn @ robot.axes[:, :, None])[:, :, 0]
+    rows = np.hstack([*(part.reshape(n, 9) for part in turns), place, slide, robot.axes])
     return ArmGeometry(
         joints=read_only(rows),
         prismatic=np.array(robot.prismatic, dtype=np.intp),
-        offsets=read_only(np.linalg.norm(robot.placements[:, :3, 3], axis=1)),
+        offsets=read_only(np.linalg.norm(place, axis=1)),
     )
 
 

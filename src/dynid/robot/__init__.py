@@ -7,6 +7,7 @@ from dynid.robot.body import Body as Body
 from dynid.robot.body import box_points as box_points
 from dynid.robot.body import cylinder_points as cylinder_points
 from dynid.robot.kinematics import joint_poses as joint_poses
+from dynid.robot.kinematics import joint_turns as joint_turns
 from dynid.robot.kinematics import nominal_geometry as nominal_geometry
 from dynid.robot.kinematics import robot_from_chain as robot_from_chain
 from dynid.robot.kinematics import robot_from_dh as robot_from_dh

@@ -217,6 +217,16 @@ def joint_poses(robot: RobotModel, q: ArrayLike) -> Array:
     return poses
 
 
+def joint_turns(robot: RobotModel) -> Array:
+    """(3, n, 3, 3) A, B, C of rotations A + B cos q + C sin q of the joints; 1 where they slide."""
+    axes, still = robot.axes, np.array(robot.prismatic)[:, None, None]
+    along = axes[:, :, None] * axes[:, None]
+    turning = along, np.eye(3) - along, np.cross(np.eye(3), axes[:, None])
+    return np.array(
+        [np.where(still, x, y) for x, y in zip((np.eye(3), 0.0, 0.0), turning, strict=True)]
+    )
+
+
 MOUNTS = ("floor", "wall", "ceiling", "tilt:DEG")
 """The words that `--mount` takes; DEG is a number of degrees about the base's x axis."""
 
