@@ -27,6 +27,5 @@ from dynid.constraints.scene import ConstraintSettings as ConstraintSettings
 from dynid.constraints.scene import Scene as Scene
 from dynid.constraints.scene import Shape as Shape
 from dynid.constraints.scene import body_of as body_of
-from dynid.constraints.scene import read_scene as read_scene
 from dynid.constraints.scene import scene_from_json as scene_from_json
 from dynid.constraints.scene import surrounded as surrounded

@@ -19,13 +19,13 @@ from dynid.excitation.problem import ExcitationProblem as ExcitationProblem
 from dynid.excitation.problem import HistoryEntry as HistoryEntry
 from dynid.excitation.problem import Search as Search
 from dynid.excitation.problem import SearchProgress as SearchProgress
+from dynid.excitation.purpose import ANYWHERE as ANYWHERE
 from dynid.excitation.purpose import Expected as Expected
 from dynid.excitation.purpose import Purpose as Purpose
 from dynid.excitation.purpose import assumed_noise as assumed_noise
 from dynid.excitation.purpose import expected as expected
 from dynid.excitation.purpose import purpose_of as purpose_of
 from dynid.excitation.purpose import safe_motions as safe_motions
-from dynid.excitation.purpose import whole_workspace as whole_workspace
 from dynid.excitation.purpose import without_friction as without_friction
 from dynid.excitation.region import MotionRegion as MotionRegion
 from dynid.excitation.region import check_room as check_room

@@ -106,13 +106,6 @@ def purpose_of(base: BaseParametrization, motions: Sequence[JointMotion], source
     return Purpose(source=source, moments=moments, torque=torque)
 
 
-def whole_workspace(
-    base: BaseParametrization, constraints: MotionConstraints, *, seed: int = 0
-) -> Purpose:
-    """The purpose of a model that shall hold anywhere: `safe_motions`, with its arguments."""
-    return purpose_of(base, safe_motions(base, constraints, seed=seed), ANYWHERE)
-
-
 def safe_motions(
     base: BaseParametrization, constraints: MotionConstraints, *, seed: int = 0
 ) -> list[JointMotion]:

@@ -25,10 +25,9 @@ from dynid.robot.model import JointLimits as JointLimits
 from dynid.robot.model import RobotModel as RobotModel
 from dynid.robot.model import SafetyLimits as SafetyLimits
 from dynid.robot.model import Tool as Tool
-from dynid.robot.model import direct_drives as direct_drives
-from dynid.robot.model import unknown_limits as unknown_limits
 from dynid.robot.model import with_tool as with_tool
 from dynid.robot.robotfile import builtin_names as builtin_names
+from dynid.robot.transforms import PARAMETER_UNITS as PARAMETER_UNITS
 from dynid.robot.transforms import PARAMETERS as PARAMETERS
 from dynid.robot.transforms import PSEUDO_INERTIA_BASIS as PSEUDO_INERTIA_BASIS
 from dynid.robot.transforms import frame_map as frame_map

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, RobotError, frozen
-from dynid.robot.model import STANDARD_GRAVITY, RobotModel, direct_drives, unknown_limits
+from dynid.robot.model import STANDARD_GRAVITY, Drives, JointLimits, RobotModel
 from dynid.robot.transforms import (
     MEET_WITHIN,
     PARALLEL_WITHIN,
@@ -62,7 +62,7 @@ def robot_from_chain(
     n = len(placements)
     if not 0 < n <= MAX_JOINTS:
         raise RobotError("number of joints", where=name, value=n, limit=f"1 to {MAX_JOINTS}")
-    end = np.eye(4) if flange is None else flange
+    end, nan = np.eye(4) if flange is None else flange, np.full(n, np.nan)
     return RobotModel(
         name=name,
         joint_names=tuple(joint_names or [f"joint_{k + 1}" for k in range(n)]),
@@ -73,8 +73,8 @@ def robot_from_chain(
         parameter_frames=frames or parameter_frames(placements, axes, end),
         default_frames=default_frames,
         gravity=mount_gravity("floor"),
-        limits=unknown_limits(n),
-        drives=direct_drives(n),
+        limits=JointLimits(lower=nan, upper=nan, velocity=nan, acceleration=nan, torque=nan),
+        drives=Drives(gain=nan, gear_ratio=nan),
         inertias=np.full((n, 10), np.nan),
         notes=notes,
     )

@@ -43,7 +43,7 @@ from dynid.recording import (
     read_record,
     write_record,
 )
-from dynid.robot import RobotLike, RobotModel, load_robot
+from dynid.robot import PARAMETERS, RobotLike, RobotModel, load_robot
 from dynid.settings import RunSettings
 from dynid.workflow import design_files
 from dynid.workflow.analyze import unit_notes
@@ -125,10 +125,7 @@ def write_truth(
         "robot": arm.robot.name,
         "label": truth.label,
         "mean_degC": temperature_degC.tolist(),
-        "parameters": [
-            *("m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy"),
-            *("Fc", "Fv", "Im"),
-        ],
+        "parameters": [*PARAMETERS, "Fc", "Fv", "Im"],
         "frame": "joint frames, tensors about their origins; Fc and Fv at mean_degC",
         "links": truth.standard_parameters_at(temperature_degC).tolist(),
         "drive_gain": truth.gain.tolist(),
