@@ -11,11 +11,10 @@ from dynid.constraints import (
     BOX,
     HALF_SPACE,
     ConstraintSettings,
-    read_scene,
     safe_constraints,
     scene_from_json,
 )
-from dynid.core import InputError, JsonFields, MotionBounds
+from dynid.core import InputError, JsonFields, MotionBounds, load_object
 from dynid.robot import Body, load_robot
 from dynid.trajectory import usable_bounds
 
@@ -40,7 +39,7 @@ def test_a_scene_file_is_read(tmp_path: Path) -> None:
             }
         )
     )
-    found = read_scene(path)
+    found = scene_from_json(load_object(path), str(path))
     assert [item.kind for item in found.shapes] == [HALF_SPACE, BOX]
     assert found.shapes[1].name == "bench"
     np.testing.assert_allclose(found.shapes[1].size, [0.5, 1.0, 0.025])
@@ -92,10 +91,10 @@ def test_wrong_files_are_named(tmp_path: Path) -> None:
     ):
         path.write_text(text)
         with pytest.raises(InputError, match=message) as caught:
-            read_scene(path)
+            scene_from_json(load_object(path), str(path))
         assert str(path) in str(caught.value)
     with pytest.raises(InputError, match="cannot be read"):
-        read_scene(tmp_path / "none.json")
+        load_object(tmp_path / "none.json")
 
 
 def test_a_scene_that_encloses_the_robot_is_refused() -> None:

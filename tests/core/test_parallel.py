@@ -93,7 +93,7 @@ def test_a_cluster_and_a_worker_that_is_killed(cluster: Any, tmp_path: Path) -> 
 
 def test_starts_of_a_design_on_a_cluster(cluster: Any) -> None:
     problem = importlib.import_module("design_arms").problem
-    multistart = importlib.import_module("dynid.excitation.multistart")
+    multistart = importlib.import_module("dynid.excitation.searches")
     effort = importlib.import_module("dynid.excitation").Effort(starts=3)
     alone = multistart.multistart(problem(), effort, seed=1)
     with workers(dask=cluster.scheduler_address) as found:

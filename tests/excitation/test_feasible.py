@@ -18,9 +18,9 @@ from dynid.excitation import (
     random_numbers,
     region_of,
 )
-from dynid.excitation.feasible import free_poses, grown_motion
 from dynid.excitation.gradient import judged, one_start
 from dynid.excitation.optimise import finish
+from dynid.excitation.region import free_poses, grown_motion
 from dynid.robot import load_robot
 
 LOW = {

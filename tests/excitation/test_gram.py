@@ -4,7 +4,7 @@ from criteria_chains import base_columns, by_coefficients, chain, coefficients, 
 
 from dynid.core import InputError
 from dynid.excitation import GramKernel
-from dynid.excitation.gram import DESIGN_WIDTH
+from dynid.excitation.evaluation import DESIGN_WIDTH
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
 

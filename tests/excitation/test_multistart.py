@@ -13,7 +13,7 @@ from design_arms import arm, problem
 from dynid.core import InputError, Workers, workers
 from dynid.excitation import DesignEvaluation, Effort, Search, by_gradient, evolve, region_of
 from dynid.excitation.gradient import judged
-from dynid.excitation.multistart import multistart, run_start
+from dynid.excitation.searches import multistart, run_start
 
 
 class Dying(Executor):

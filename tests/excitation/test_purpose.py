@@ -14,7 +14,7 @@ from dynid.excitation import (
     purpose_of,
     random_numbers,
     region_of,
-    whole_workspace,
+    safe_motions,
     without_friction,
 )
 from dynid.robot import load_robot
@@ -88,8 +88,9 @@ def test_more_periods_and_earlier_records_lower_the_error_as_they_must() -> None
 
 def test_the_whole_workspace_is_moved_through_safely() -> None:
     asked = problem(arm(), safe=True)
-    found = whole_workspace(asked.base, asked.constraints)
-    again = whole_workspace(asked.base, asked.constraints)
+    motions = safe_motions(asked.base, asked.constraints)
+    found = purpose_of(asked.base, motions, "anywhere")
+    again = purpose_of(asked.base, safe_motions(asked.base, asked.constraints), "anywhere")
     np.testing.assert_array_equal(found.moments, again.moments)
     assert isinstance(found, Purpose)
     assert np.linalg.matrix_rank(found.moment(NOISE), hermitian=True) == asked.base.rank

@@ -10,7 +10,7 @@ import pytest
 from dynid.core import InputError, JobError
 from dynid.recording import ExperimentRecord
 from dynid.regressor import InverseDynamicModel
-from dynid.robot import RobotModel, direct_drives, load_robot, move
+from dynid.robot import Drives, RobotModel, load_robot, move
 from dynid.simulation import cylinder, link_parameters, simulate, simulated_arm, with_payload
 from dynid.trajectory import random_excitation
 from dynid.workflow import identify_gains_from_payload
@@ -66,7 +66,7 @@ def ideal(motion: int, loaded: bool) -> ExperimentRecord:
 
 
 def without_gains() -> RobotModel:
-    return replace(ROBOT, drives=direct_drives(6))
+    return replace(ROBOT, drives=Drives(gain=np.full(6, np.nan), gear_ratio=np.full(6, np.nan)))
 
 
 @pytest.mark.parametrize("robot", [ROBOT, without_gains()])

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from dynid.robot import RobotModel, direct_drives, unknown_limits
+from dynid.robot import Drives, JointLimits, RobotModel
 
 Floats = NDArray[np.float64]
 
@@ -34,6 +34,7 @@ def random_chain(
     random = np.random.default_rng(seed)
     axes = random.normal(size=(joints, 3))
     poses = [np.array([random_pose(random) for _ in range(joints)]) for _ in range(3)]
+    nan = np.full(joints, np.nan)
     return RobotModel(
         name=f"chain {seed}",
         joint_names=tuple(f"j{k + 1}" for k in range(joints)),
@@ -47,8 +48,8 @@ def random_chain(
         },
         default_frames="dh",
         gravity=random.uniform(-10, 10, 3) if gravity is None else np.array(gravity),
-        limits=unknown_limits(joints),
-        drives=direct_drives(joints),
+        limits=JointLimits(lower=nan, upper=nan, velocity=nan, acceleration=nan, torque=nan),
+        drives=Drives(gain=nan, gear_ratio=nan),
         inertias=np.full((joints, 10), np.nan),
     )
 

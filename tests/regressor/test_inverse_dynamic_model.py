@@ -5,8 +5,8 @@ import pytest
 from pinocchio_chains import random_chain, random_parameters, random_states
 
 from dynid.core import InputError
-from dynid.regressor import INERTIAL, FrictionTerms, InverseDynamicModel
-from dynid.robot import Counterbalance, RobotModel
+from dynid.regressor import FrictionTerms, InverseDynamicModel
+from dynid.robot import PARAMETERS, Counterbalance, RobotModel
 
 SLOPE = 1e-6
 """Of the largest torque: what central differences of an energy give."""
@@ -106,7 +106,7 @@ def test_all_forms_of_the_regressor_hold_the_same_numbers() -> None:
 
 def test_columns_are_named_link_by_link_then_term_by_term() -> None:
     model = InverseDynamicModel(robot=random_chain(seed=33, joints=2))
-    links = tuple(f"{name}{link}" for link in (1, 2) for name in INERTIAL)
+    links = tuple(f"{name}{link}" for link in (1, 2) for name in PARAMETERS)
     assert model.names == (*links, "Fc1", "Fc2", "Fv1", "Fv2", "Im1", "Im2")
     assert [column.unit for column in model.columns[:10]] == ["kg"] + ["kg.m"] * 3 + ["kg.m^2"] * 6
 

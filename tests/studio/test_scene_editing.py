@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dynid.constraints import read_scene, scene_from_json
-from dynid.core import InputError, JsonFields
+from dynid.constraints import scene_from_json
+from dynid.core import InputError, JsonFields, load_object
 from dynid.robot import from_xyz_rpy
 from dynid.studio.scene_editing import DIMENSIONS, KINDS, SceneEditor, open_scene
 
@@ -32,7 +32,7 @@ def test_every_kind_can_be_added_moved_sized_saved_and_read_again(
     editor.save(path)
     again = open_scene(path)
     assert again.to_json() == editor.to_json()
-    (shape,) = read_scene(path).shapes
+    (shape,) = scene_from_json(load_object(path)).shapes
     np.testing.assert_allclose(shape.pose, editor.shape(number).pose, rtol=0, atol=0)
     held = again.pose(1)
     expected = [0.0, 0.0, 0.2] if kind == "floor" else [0.4, -0.3, 0.2]

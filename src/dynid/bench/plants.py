@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, require
-from dynid.robot import RobotModel, load_robot
+from dynid.robot import RobotModel, load_robot, to_pseudo_inertia
 from dynid.trajectory import JointMotion
 
 MOTIONS = ("fourier", "waypoints", "teach")
@@ -204,9 +204,7 @@ def plant(robot: RobotModel, seed: int) -> Plant:
             radius = (3 * mass[k] / (4 * np.pi * _WATER)) ** (1 / 3)
             second[k] = mass[k] * radius**2 / 5 * np.eye(3)
         else:
-            xx, yy, zz, yz, xz, xy = row[4:]
-            about_frame = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-            about_frame = np.trace(about_frame) / 2 * np.eye(3) - about_frame
+            about_frame = to_pseudo_inertia(row)[:3, :3]
             second[k] = about_frame - mass[k] * np.outer(centre[k], centre[k])
         size, axes = np.linalg.eigh(second[k])
         size = np.maximum(size, 1e-3 * size.max()) * draw.uniform(0.7, 1.3, 3)

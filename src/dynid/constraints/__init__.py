@@ -1,13 +1,13 @@
 """One judge for motions: limits of joints, speed, torque and power, and collisions."""
 
+from dynid.constraints.arm import prior_dynamics as prior_dynamics
+from dynid.constraints.arm import prior_link as prior_link
 from dynid.constraints.bodies import least_distance as least_distance
 from dynid.constraints.certificate import Certificate as Certificate
 from dynid.constraints.certificate import certify as certify
 from dynid.constraints.collision import CollisionBodies as CollisionBodies
 from dynid.constraints.collision import JudgedPairs as JudgedPairs
 from dynid.constraints.collision import Proximity as Proximity
-from dynid.constraints.dynamic import prior_dynamics as prior_dynamics
-from dynid.constraints.dynamic import prior_link as prior_link
 from dynid.constraints.limits import DISTANCES as DISTANCES
 from dynid.constraints.limits import RATIOS as RATIOS
 from dynid.constraints.limits import Unjudged as Unjudged
@@ -27,6 +27,5 @@ from dynid.constraints.scene import ConstraintSettings as ConstraintSettings
 from dynid.constraints.scene import Scene as Scene
 from dynid.constraints.scene import Shape as Shape
 from dynid.constraints.scene import body_of as body_of
-from dynid.constraints.scene import read_scene as read_scene
 from dynid.constraints.scene import scene_from_json as scene_from_json
 from dynid.constraints.scene import surrounded as surrounded

@@ -15,16 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from dynid.constraints import limits
 from dynid.constraints.collision import CollisionBodies, JudgedPairs
 from dynid.constraints.extremes import Extremes, dense_times, extremes, least_value
-from dynid.constraints.limits import (
-    DISTANCES,
-    MovingPoints,
-    Unjudged,
-    Worst,
-    bound_ratios,
-    left_over,
-)
 from dynid.constraints.motion import MotionConstraints
 from dynid.core import Array, InputError, plain
 from dynid.trajectory import JointMotion, Trajectory
@@ -40,7 +33,7 @@ _INTERVALS_HZ = 50.0
 class Certificate:
     """The verdict on one motion."""
 
-    worst: dict[str, Worst]
+    worst: dict[str, limits.Worst]
     """Kind to its guaranteed margin, and where it is smallest."""
     proven: tuple[str, ...]
     """Kinds whose margin is proven: at all times, and for distances with shapes that are known to
@@ -48,7 +41,7 @@ class Certificate:
     the notes say."""
     notes: tuple[str, ...]
     """What was assumed."""
-    unjudged: tuple[Unjudged, ...] = ()
+    unjudged: tuple[limits.Unjudged, ...] = ()
     """What was asked for and could not be judged."""
 
     @property
@@ -88,7 +81,7 @@ class Certificate:
     def margins(self) -> dict[str, float | None]:
         """Kind to margin: share of the limit left, or distance [m]; None where not judged."""
         return {
-            f"{kind}_m" if kind in DISTANCES else kind: plain(item.margin)
+            f"{kind}_m" if kind in limits.DISTANCES else kind: plain(item.margin)
             for kind, item in self.worst.items()
         }
 
@@ -139,7 +132,7 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
         found = least(partial(between.left, points, limit), tolerance=_RATIO_WITHIN)
         item, value = worst[kind], limit * (1.0 - found.value)
         # Shares are sought of what the limit is less its margin.
-        seen, sure = (left_over(1.0 - x, item.required) for x in (found.value, found.bound))
+        seen, sure = (limits.left_over(1.0 - x, item.required) for x in (found.value, found.bound))
         worst[kind] = _settled(item, found.t, value, seen, sure)
         proven += [kind] if ends.proven else []
     around = constraints.surroundings
@@ -171,7 +164,9 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
     )
 
 
-def _settled(before: Worst, t: float, value: float, seen: float, sure: float) -> Worst:
+def _settled(
+    before: limits.Worst, t: float, value: float, seen: float, sure: float
+) -> limits.Worst:
     """The worst of samples and of a search, which saw a margin and is sure of another."""
     if seen < before.margin:
         before = replace(before, t=t, value=value)
@@ -179,22 +174,24 @@ def _settled(before: Worst, t: float, value: float, seen: float, sure: float) ->
 
 
 def _between_samples(
-    worst: dict[str, Worst], constraints: MotionConstraints, ends: Extremes
+    worst: dict[str, limits.Worst], constraints: MotionConstraints, ends: Extremes
 ) -> None:
     bounds = constraints.settings.bounds
     sides = np.stack([ends.lower, ends.upper])
     both = np.stack([ends.velocity, ends.velocity]), np.stack([ends.acceleration] * 2)
     for kind, ratio in zip(
-        ("position", "velocity", "acceleration"), bound_ratios(bounds, sides, *both), strict=True
+        ("position", "velocity", "acceleration"),
+        limits.bound_ratios(bounds, sides, *both),
+        strict=True,
     ):
         item = worst[kind]
         if math.isfinite(item.margin):
-            least = left_over(float(ratio.max()), item.required)
+            least = limits.left_over(float(ratio.max()), item.required)
             worst[kind] = replace(item, margin=min(item.margin, least))
 
 
 def _add_allowance(
-    worst: dict[str, Worst], constraints: MotionConstraints, q: Array, dq: Array, ddq: Array
+    worst: dict[str, limits.Worst], constraints: MotionConstraints, q: Array, dq: Array, ddq: Array
 ) -> None:
     """Torque and power between samples: their curvature, twice."""
     judge = constraints.torque
@@ -206,7 +203,7 @@ def _add_allowance(
         if math.isfinite(item.margin):
             bow = np.zeros(values.shape)
             bow[1:-1] = np.abs(values[2:] - 2 * values[1:-1] + values[:-2]) / 4
-            least = left_over(float(np.nanmax((values + bow) / limit)), item.required)
+            least = limits.left_over(float(np.nanmax((values + bow) / limit)), item.required)
             worst[kind] = replace(item, margin=min(item.margin, least))
 
 
@@ -222,7 +219,7 @@ class _Between:
         return np.minimum(np.abs(motion.dq) + half * self.ends.acceleration, self.ends.velocity)
 
     def left(
-        self, points: MovingPoints, limit: float, t: Array, half: float
+        self, points: limits.MovingPoints, limit: float, t: Array, half: float
     ) -> tuple[Array, Array]:
         """Share of a speed limit that is left, and what it cannot fall below.
 

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dynid.constraints.arm import TorqueJudge, prior_dynamics, prior_link
 from dynid.constraints.bodies import Surroundings, surroundings_of
 from dynid.constraints.collision import Proximity
-from dynid.constraints.dynamic import TorqueJudge, prior_dynamics, prior_link
 from dynid.constraints.limits import (
     DISTANCES,
     RATIOS,

@@ -3,12 +3,11 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
-from dynid.core import Array, InputError, JsonFields, MotionBounds, freeze, load_object
+from dynid.core import Array, InputError, JsonFields, MotionBounds, freeze
 from dynid.robot import Body, Tool, box_points, cylinder_points, from_axes, from_xyz_rpy
 
 HALF_SPACE, BOX, CYLINDER, SPHERE = 0, 1, 2, 3
@@ -101,16 +100,6 @@ class Scene:
         for shape in self.payload:
             if shape.kind == HALF_SPACE:
                 raise InputError("a payload cannot be a half-space", where=shape.name)
-
-
-def read_scene(path: Path) -> Scene:
-    """Read a scene file.
-
-    Raises:
-        InputError: A file that cannot be read or is not a scene; the message names shape
-            and key.
-    """
-    return scene_from_json(load_object(path), str(path))
 
 
 def scene_from_json(fields: JsonFields, where: str = "scene") -> Scene:

@@ -15,9 +15,8 @@ import numpy as np
 from dynid.core import Array
 from dynid.excitation.criteria import smoothed
 from dynid.excitation.evaluation import DesignEvaluation
-from dynid.excitation.feasible import free_poses, grown_motion
 from dynid.excitation.problem import Candidate, Found, Stop
-from dynid.excitation.region import MotionRegion, random_numbers
+from dynid.excitation.region import MotionRegion, free_poses, grown_motion, random_numbers
 
 Objective = Callable[[Array], tuple[float, Callable[[], Array]]]
 """Value at numbers (n, 1 + k), and its gradient (n, 1 + k) when asked before the next ones."""

@@ -20,9 +20,7 @@ from dynid.core import (
     plain,
 )
 from dynid.excitation.evaluation import DesignEvaluation
-from dynid.excitation.genetic import elite_count, evolve
 from dynid.excitation.gradient import STAGES, TIGHTEN, improve
-from dynid.excitation.multistart import Effort, multistart, one_thread
 from dynid.excitation.problem import (
     Candidate,
     ExcitationProblem,
@@ -33,6 +31,7 @@ from dynid.excitation.problem import (
 )
 from dynid.excitation.purpose import Expected
 from dynid.excitation.region import MotionRegion, region_of
+from dynid.excitation.searches import Effort, elite_count, evolve, multistart, one_thread
 from dynid.trajectory import Trajectory
 
 TIGHTER = (0.05, 0.1)

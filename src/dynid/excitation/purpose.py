@@ -15,9 +15,8 @@ from dynid.constraints import MotionConstraints, prior_dynamics
 from dynid.core import Array, InputError
 from dynid.excitation.criteria import AOptimal, inverse
 from dynid.excitation.evaluation import DesignEvaluation
-from dynid.excitation.feasible import free_poses, grown_motion
 from dynid.excitation.problem import ExcitationProblem
-from dynid.excitation.region import region_of
+from dynid.excitation.region import free_poses, grown_motion, region_of
 from dynid.reduction import BaseParametrization
 from dynid.robot import RobotModel
 from dynid.trajectory import JointMotion, motion_family
@@ -105,13 +104,6 @@ def purpose_of(base: BaseParametrization, motions: Sequence[JointMotion], source
             squares += np.square(torque).mean(axis=0) / len(motions)
     torque = np.full(n, math.nan) if prior is None else np.sqrt(squares)
     return Purpose(source=source, moments=moments, torque=torque)
-
-
-def whole_workspace(
-    base: BaseParametrization, constraints: MotionConstraints, *, seed: int = 0
-) -> Purpose:
-    """The purpose of a model that shall hold anywhere: `safe_motions`, with its arguments."""
-    return purpose_of(base, safe_motions(base, constraints, seed=seed), ANYWHERE)
 
 
 def safe_motions(

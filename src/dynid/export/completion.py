@@ -14,7 +14,7 @@ import numpy as np
 from dynid.core import Array, Indices, freeze
 from dynid.identification import Estimate, inertial_prior
 from dynid.reduction import random_states, reduce_model
-from dynid.regressor import INERTIAL, InverseDynamicModel
+from dynid.regressor import InverseDynamicModel
 from dynid.robot import PSEUDO_INERTIA_BASIS, robot_to_json, to_pseudo_inertia
 
 MOTOR_SYMBOLS = ("Im", "Imm")
@@ -80,7 +80,7 @@ class PseudoInertias:
 
         Infinite, with zeros for the derivatives, where a body cannot exist.
         """
-        width, n, inertial = len(values), self.links, len(INERTIAL) * self.links
+        width, n, inertial = len(values), self.links, 10 * self.links
         here, share = self._links(values), self._motor_shares(values)
         gradient, curvature = np.zeros(width), np.zeros((width, width))
         try:
@@ -120,13 +120,13 @@ class PseudoInertias:
     def prior_by_body(self) -> Array:
         """(p, b) a column a body: the prior of that one alone."""
         apart = np.zeros((len(self.prior), len(self.names)))
-        inertial = np.arange(len(INERTIAL) * self.links)
-        apart[inertial, inertial // len(INERTIAL)] = self.prior[inertial]
+        inertial = np.arange(10 * self.links)
+        apart[inertial, inertial // 10] = self.prior[inertial]
         apart[self.motors, np.arange(self.links, len(self.names))] = self.prior[self.motors]
         return apart
 
     def _links(self, values: Array) -> Array:
-        return to_pseudo_inertia(values[: len(INERTIAL) * self.links].reshape(self.links, -1))
+        return to_pseudo_inertia(values[: 10 * self.links].reshape(self.links, -1))
 
     def _motor_shares(self, values: Array) -> Array:
         return values[self.motors] / self.prior[self.motors]

@@ -16,7 +16,7 @@ import numpy as np
 
 from dynid.core import Array
 from dynid.export.model import JOINT_SYMBOLS, MOTOR_SYMBOLS, ExportModel
-from dynid.robot import RobotModel
+from dynid.robot import joint_turns
 
 _WIDTH = 88
 Row = tuple[int | float | tuple[float, ...], ...]
@@ -28,17 +28,13 @@ def arrays(model: ExportModel) -> Iterator[tuple[str, str, Array]]:
     yield "1 where a joint slides", "prismatic", np.array(robot.prismatic)
     yield "gravity in the frame of the base [m/s^2]", "gravity_vector", robot.gravity
     said = "frame i in the one before: rotation fixed + sine sin(q) + cosine cos(q), row by row"
-    for name, value in zip(("fixed", "sine", "cosine"), _turns(robot), strict=True):
-        yield said, name, value
+    turns, placed = joint_turns(robot), robot.placements[:, :3, :3]
+    for name, part in (("fixed", 0), ("sine", 2), ("cosine", 1)):
+        yield said, name, placed @ turns[part] + 0.0
         said = ""
-    slide = [
-        placement[:3, :3] @ axis * slides
-        for placement, axis, slides in zip(
-            robot.placements, robot.axes, robot.prismatic, strict=True
-        )
-    ]
+    slide = (placed @ robot.axes[:, :, None])[:, :, 0] * np.array(robot.prismatic)[:, None]
     yield "its place: origin [m] + slide q", "origin", robot.placements[:, :3, 3]
-    yield "", "slide", np.array(slide)
+    yield "", "slide", slide
     yield "what a joint turns about or slides along", "axis", robot.axes
     about = "m, mx, my, mz, Jxx, Jyy, Jzz, Jyz, Jxz, Jxy about the joint frame"
     yield about, "inertials", model.inertials
@@ -54,22 +50,6 @@ def arrays(model: ExportModel) -> Iterator[tuple[str, str, Array]]:
         said = "what the load of a gear is the torque of: need not be physically consistent"
         yield said, "load", model.load
         yield "", "fl", model.terms["Fl"]
-
-
-def _turns(robot: RobotModel) -> tuple[Array, Array, Array]:
-    """(n, 3, 3) each: Rodrigues' formula with the placements multiplied in."""
-    fixed, sine, cosine = (np.zeros((robot.joints, 3, 3)) for _ in range(3))
-    for i, (placement, axis) in enumerate(zip(robot.placements, robot.axes, strict=True)):
-        rotation = placement[:3, :3]
-        if robot.prismatic[i]:
-            fixed[i] = rotation
-            continue
-        x, y, z = axis
-        along = np.outer(axis, axis)
-        fixed[i] = rotation @ along
-        sine[i] = rotation @ np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        cosine[i] = rotation @ (np.eye(3) - along)
-    return fixed, sine, cosine
 
 
 COUNTERBALANCE = "joint, outer, inner, rest_length, offset, piston_area, gas_work, gas_volume"

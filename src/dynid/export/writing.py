@@ -10,20 +10,10 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, DynidError, Finding, InputError, JobError, in_one_piece, told
-from dynid.export import robot_xml
+from dynid.export import robot_xml, verification
 from dynid.export.generated_code import c_code, c_prefix, python_code
 from dynid.export.model import ExportModel, NearestFriction, completed_model, nearest_friction
 from dynid.export.robot_xml import left_out, stand_in_words
-from dynid.export.verification import (
-    STATES,
-    States,
-    Verification,
-    c_torque,
-    mjcf_torque,
-    our_torque,
-    python_torque,
-    urdf_torque,
-)
 from dynid.identification import Estimate, EstimateLike, open_estimate
 from dynid.reduction import random_states
 from dynid.regressor import ripples_from_json
@@ -127,7 +117,7 @@ class FileFormat:
     """What such files are called; the first is what loaders want."""
     text: Callable[[ExportModel, str], str]
     """From the model and where it comes from."""
-    torque: Callable[[ExportModel, Path, States], tuple[Array | None, str]]
+    torque: Callable[[ExportModel, Path, verification.States], tuple[Array | None, str]]
     """(N, n) what another program makes of the file, and its name; None if there is none."""
     held: tuple[str, ...] | None = None
     """Terms beside the inertias that it has a place for; None for all."""
@@ -140,13 +130,15 @@ def _json_text(model: ExportModel, note: str) -> str:
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 
-def _json_torque(_: ExportModel, path: Path, states: States) -> tuple[Array | None, str]:
+def _json_torque(
+    _: ExportModel, path: Path, states: verification.States
+) -> tuple[Array | None, str]:
     # Read back from the file, and evaluated by code that has only the file's numbers.
     read = model_from_json(json.loads(path.read_text(encoding="utf-8")))
     code = path.with_suffix(".py")
     try:
         code.write_text(python_code(read), encoding="utf-8")
-        return python_torque(code, states)
+        return verification.python_torque(code, states)
     finally:
         code.unlink(missing_ok=True)
 
@@ -155,7 +147,7 @@ _FORMATS = {
     "urdf": FileFormat(
         (".urdf", ".xml"),
         robot_xml.urdf_text,
-        lambda model, path, states: urdf_torque(
+        lambda model, path, states: verification.urdf_torque(
             path, float(np.linalg.norm(model.robot.gravity)), states
         ),
         robot_xml.URDF_HELD,
@@ -163,7 +155,7 @@ _FORMATS = {
     "mjcf": FileFormat(
         (".xml", ".mjcf"),
         robot_xml.mjcf_text,
-        lambda _, path, states: mjcf_torque(path, states),
+        lambda _, path, states: verification.mjcf_torque(path, states),
         robot_xml.MJCF_HELD,
         1e-6,
     ),
@@ -171,10 +163,10 @@ _FORMATS = {
     "c": FileFormat(
         (".h", ".hpp", ".c"),
         c_code,
-        lambda model, path, states: c_torque(path, c_prefix(model.robot.name), states),
+        lambda model, path, states: verification.c_torque(path, c_prefix(model.robot.name), states),
     ),
     "python": FileFormat(
-        (".py",), python_code, lambda _, path, states: python_torque(path, states)
+        (".py",), python_code, lambda _, path, states: verification.python_torque(path, states)
     ),
 }
 FORMATS = tuple(_FORMATS)
@@ -191,7 +183,7 @@ class ExportedFile:
     """Its format."""
     model: ExportModel
     """What it holds."""
-    verified: Verification
+    verified: verification.Verification
     """What another program made of it."""
     left_out: tuple[str, ...]
     """What the identified model has and the file has no place for, in words."""
@@ -257,10 +249,10 @@ def write_model(estimate: EstimateLike, path: str | Path, to: str) -> ExportedFi
         raise InputError("unknown format", where="--to", value=to, limit=", ".join(FORMATS))
     path = Path(path)
     model, completed = completed_model(estimate)
-    states = random_states(model.robot, STATES, seed=0)
+    states = random_states(model.robot, verification.STATES, seed=0)
     kind = _FORMATS[to]
     friction = None if kind.held is None else nearest_friction(estimate, completed, model)
-    ours = our_torque(estimate, completed, states, kind.held, friction)
+    ours = verification.our_torque(estimate, completed, states, kind.held, friction)
     model = model if friction is None else friction.put_into(model)
     made = estimate.provenance
     remarks = [
@@ -343,14 +335,18 @@ def simulator_obstacle(estimate: Estimate) -> str:
 
 def _compared(
     kind: FileFormat, ours: Array, theirs: Array | None, loader: str, bodies: Array
-) -> Verification:
+) -> verification.Verification:
     # Weights of impossible bodies cancel in the torques; their rounding errors do not.
     largest = max(float(np.abs(ours).max()), _GRAVITY * float(np.abs(bodies).max()))
     scale = max(1.0, largest / _LARGE)
     tolerance = kind.tolerance * scale
     if theirs is None:
-        return Verification(max_torque_difference=None, tolerance=tolerance, loaded_with=loader)
+        return verification.Verification(
+            max_torque_difference=None, tolerance=tolerance, loaded_with=loader
+        )
     if theirs.shape != ours.shape:
         raise JobError("the file has other joints", value=theirs.shape, limit=ours.shape)
     worst = float(np.abs(theirs - ours).max())
-    return Verification(max_torque_difference=worst, tolerance=tolerance, loaded_with=loader)
+    return verification.Verification(
+        max_torque_difference=worst, tolerance=tolerance, loaded_with=loader
+    )

@@ -1,10 +1,6 @@
 """Figures without a drawing library: marks and axes in, SVG out, for pages and for files."""
 
-from dynid.figures.axes import Axis as Axis
-from dynid.figures.axes import axis_around as axis_around
-from dynid.figures.axes import category_axis as category_axis
-from dynid.figures.axes import number as number
-from dynid.figures.axes import units as units
+from dynid.figures.marks import Axis as Axis
 from dynid.figures.marks import Band as Band
 from dynid.figures.marks import Bars as Bars
 from dynid.figures.marks import Level as Level
@@ -13,12 +9,16 @@ from dynid.figures.marks import Mark as Mark
 from dynid.figures.marks import Points as Points
 from dynid.figures.marks import Ranges as Ranges
 from dynid.figures.marks import Spans as Spans
+from dynid.figures.marks import axis_around as axis_around
+from dynid.figures.marks import category_axis as category_axis
 from dynid.figures.marks import joint_role as joint_role
 from dynid.figures.marks import joint_unit as joint_unit
 from dynid.figures.marks import legend as legend
+from dynid.figures.marks import number as number
 from dynid.figures.marks import script as script
 from dynid.figures.marks import shaded as shaded
 from dynid.figures.marks import style as style
+from dynid.figures.marks import units as units
 from dynid.figures.svg import Figure as Figure
 from dynid.figures.svg import Panel as Panel
 from dynid.figures.svg import document as document

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, check_word, in_one_piece, require, write_text
-from dynid.figures.axes import Axis
 from dynid.figures.marks import (
     FONT,
+    Axis,
     Band,
     Bars,
     LegendEntry,

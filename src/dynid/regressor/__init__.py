@@ -14,7 +14,6 @@ from dynid.regressor.inertial import in_lanes as in_lanes
 from dynid.regressor.inertial import inertial_rows as inertial_rows
 from dynid.regressor.inertial import turns as turns
 from dynid.regressor.model import CHUNK as CHUNK
-from dynid.regressor.model import INERTIAL as INERTIAL
 from dynid.regressor.model import InverseDynamicModel as InverseDynamicModel
 from dynid.regressor.spatial import LANES as LANES
 from dynid.regressor.terms import TERMS as TERMS

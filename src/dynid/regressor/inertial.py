@@ -19,7 +19,7 @@ from dynid.regressor.spatial import (
     to_parent,
     write,
 )
-from dynid.robot import RobotModel
+from dynid.robot import RobotModel, joint_turns
 
 QUARTERS = 2.0 / math.pi
 # Half pi in three parts; whole numbers of quarter turns times the first are exact up to 2^20.
@@ -256,12 +256,7 @@ def chain_constants(robot: RobotModel, frames: str) -> ChainConstants:
     before = np.linalg.inv(np.concatenate([np.eye(4)[None], links[:-1]])) @ robot.placements
     inner, outer = links[:, :3, :3], before[:, :3, :3]
     slides = np.array(robot.prismatic)[:, None]
-    # A joint that turns is R = a a' + (1 - a a') cos q + [a] sin q, one that slides R = 1.
-    along = robot.axes[:, :, None] * robot.axes[:, None]
-    across = np.cross(np.eye(3), robot.axes[:, None])
-    turning = np.stack([along, np.eye(3) - along, across], axis=1)
-    sliding = np.stack([np.eye(3), np.zeros((3, 3)), np.zeros((3, 3))])
-    terms = outer[:, None] @ np.where(slides[:, :, None, None], sliding, turning)
+    terms = outer[:, None] @ joint_turns(robot).swapaxes(0, 1)
     geometry = np.zeros((n, 39))
     geometry[:, :27] = (terms @ inner[:, None]).reshape(n, 27)
     geometry[:, 27:36] = (terms @ links[:, None, :3, 3:]).reshape(n, 9)

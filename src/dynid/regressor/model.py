@@ -22,10 +22,8 @@ from dynid.regressor.inertial import (
     turns,
 )
 from dynid.regressor.terms import FrictionTerms, friction_state, stribeck
-from dynid.robot import RobotModel
+from dynid.robot import PARAMETER_UNITS, PARAMETERS, RobotModel
 
-INERTIAL = ("m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy")
-INERTIAL_UNITS = ("kg", "kg.m", "kg.m", "kg.m") + ("kg.m^2",) * 6
 CHUNK = 2000
 """Samples evaluated at once where a whole stack would not fit in the cache. Not a power of two:
 columns then start at the same place of the cache and push each other out (three times slower)."""
@@ -69,7 +67,7 @@ class InverseDynamicModel:
         inertial = tuple(
             Column(f"{name}{i + 1}", unit, i)
             for i in range(robot.joints)
-            for name, unit in zip(INERTIAL, INERTIAL_UNITS, strict=True)
+            for name, unit in zip(PARAMETERS, PARAMETER_UNITS, strict=True)
         )
         beside = [block.columns(robot) for block in blocks]
         added = tuple(column for columns in beside for column in columns)

@@ -6,10 +6,11 @@ Start with `dynid.robot.load.load_robot`.
 from dynid.robot.body import Body as Body
 from dynid.robot.body import box_points as box_points
 from dynid.robot.body import cylinder_points as cylinder_points
-from dynid.robot.dh import robot_from_chain as robot_from_chain
-from dynid.robot.dh import robot_from_dh as robot_from_dh
 from dynid.robot.kinematics import joint_poses as joint_poses
+from dynid.robot.kinematics import joint_turns as joint_turns
 from dynid.robot.kinematics import nominal_geometry as nominal_geometry
+from dynid.robot.kinematics import robot_from_chain as robot_from_chain
+from dynid.robot.kinematics import robot_from_dh as robot_from_dh
 from dynid.robot.kinematics import structural_gravity as structural_gravity
 from dynid.robot.kinematics import with_mount as with_mount
 from dynid.robot.load import BuiltinRobot as BuiltinRobot
@@ -24,10 +25,9 @@ from dynid.robot.model import JointLimits as JointLimits
 from dynid.robot.model import RobotModel as RobotModel
 from dynid.robot.model import SafetyLimits as SafetyLimits
 from dynid.robot.model import Tool as Tool
-from dynid.robot.model import direct_drives as direct_drives
-from dynid.robot.model import unknown_limits as unknown_limits
 from dynid.robot.model import with_tool as with_tool
 from dynid.robot.robotfile import builtin_names as builtin_names
+from dynid.robot.transforms import PARAMETER_UNITS as PARAMETER_UNITS
 from dynid.robot.transforms import PARAMETERS as PARAMETERS
 from dynid.robot.transforms import PSEUDO_INERTIA_BASIS as PSEUDO_INERTIA_BASIS
 from dynid.robot.transforms import frame_map as frame_map

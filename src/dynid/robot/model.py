@@ -67,24 +67,12 @@ class Drives:
         return np.diag(self.gear_ratio) if self.coupling is None else self.coupling
 
 
-def direct_drives(joints: int) -> Drives:
-    """Drives of which nothing is known: efforts are joint torques."""
-    nan = np.full(joints, np.nan)
-    return Drives(gain=nan, gear_ratio=nan)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointLimits(MotionBounds):
     """Bounds of each joint, joint side; see `MotionBounds`."""
 
     torque: Array
     """(n) largest torque or force [N.m or N], NaN if unknown."""
-
-
-def unknown_limits(joints: int) -> JointLimits:
-    """Limits of which nothing is known."""
-    nan = np.full(joints, np.nan)
-    return JointLimits(lower=nan, upper=nan, velocity=nan, acceleration=nan, torque=nan)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

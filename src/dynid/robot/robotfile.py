@@ -12,8 +12,13 @@ import numpy as np
 from dynid.core import Array, RobotError
 from dynid.robot import library
 from dynid.robot.body import Body
-from dynid.robot.dh import CONVENTIONS, MAX_JOINTS, robot_from_chain, robot_from_dh
-from dynid.robot.kinematics import mount_gravity
+from dynid.robot.kinematics import (
+    CONVENTIONS,
+    MAX_JOINTS,
+    mount_gravity,
+    robot_from_chain,
+    robot_from_dh,
+)
 from dynid.robot.model import FRAMES, Counterbalance, Drives, RobotModel, SafetyLimits, Tool
 from dynid.robot.tables import (
     TomlTable,

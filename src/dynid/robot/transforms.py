@@ -15,6 +15,7 @@ from dynid.core import Array, RobotError, frozen, read_only
 
 PARAMETERS = ("m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy")
 """The paper's order."""
+PARAMETER_UNITS = ("kg", *("kg.m",) * 3, *("kg.m^2",) * 6)
 
 
 def from_pinocchio(parameters: Array) -> Array:

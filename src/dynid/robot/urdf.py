@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, RobotError, printable
-from dynid.robot.dh import robot_from_chain
+from dynid.robot.kinematics import robot_from_chain
 from dynid.robot.model import JointLimits, RobotModel
 from dynid.robot.tables import located
 from dynid.robot.transforms import is_physical, joint_motion, move

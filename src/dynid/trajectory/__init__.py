@@ -1,12 +1,5 @@
 """Joint motions as functions of time: Fourier series, polynomials, files."""
 
-from dynid.trajectory.bounds import Extremes as Extremes
-from dynid.trajectory.bounds import largest_scale as largest_scale
-from dynid.trajectory.bounds import peaks as peaks
-from dynid.trajectory.bounds import random_excitation as random_excitation
-from dynid.trajectory.bounds import usable_bounds as usable_bounds
-from dynid.trajectory.bspline import BSpline as BSpline
-from dynid.trajectory.bspline import BSplineFamily as BSplineFamily
 from dynid.trajectory.files import FAMILY_NAMES as FAMILY_NAMES
 from dynid.trajectory.files import StoredTrajectory as StoredTrajectory
 from dynid.trajectory.files import csv_text as csv_text
@@ -17,12 +10,17 @@ from dynid.trajectory.files import sampled as sampled
 from dynid.trajectory.files import trajectory_from_json as trajectory_from_json
 from dynid.trajectory.files import trajectory_to_json as trajectory_to_json
 from dynid.trajectory.files import write_trajectory as write_trajectory
+from dynid.trajectory.fourier import Extremes as Extremes
 from dynid.trajectory.fourier import FourierFamily as FourierFamily
 from dynid.trajectory.fourier import FourierSeries as FourierSeries
 from dynid.trajectory.fourier import ModifiedFourierFamily as ModifiedFourierFamily
 from dynid.trajectory.fourier import harmonic_basis as harmonic_basis
+from dynid.trajectory.fourier import largest_scale as largest_scale
+from dynid.trajectory.fourier import peaks as peaks
+from dynid.trajectory.fourier import random_excitation as random_excitation
 from dynid.trajectory.fourier import rest_basis as rest_basis
 from dynid.trajectory.fourier import rest_series as rest_series
+from dynid.trajectory.fourier import usable_bounds as usable_bounds
 from dynid.trajectory.points import LANGUAGES as LANGUAGES
 from dynid.trajectory.points import MotionSequence as MotionSequence
 from dynid.trajectory.points import PointsFamily as PointsFamily
@@ -30,6 +28,8 @@ from dynid.trajectory.points import PointToPoint as PointToPoint
 from dynid.trajectory.points import Repetition as Repetition
 from dynid.trajectory.points import points_text as points_text
 from dynid.trajectory.points import through_poses as through_poses
+from dynid.trajectory.quintic import BSpline as BSpline
+from dynid.trajectory.quintic import BSplineFamily as BSplineFamily
 from dynid.trajectory.quintic import FourierQuintic as FourierQuintic
 from dynid.trajectory.quintic import Quintic as Quintic
 from dynid.trajectory.quintic import rest_to_rest as rest_to_rest

@@ -20,10 +20,15 @@ from dynid.core import (
     provenance_from_json,
     write_json,
 )
-from dynid.trajectory.bspline import BSpline, BSplineFamily
 from dynid.trajectory.fourier import FourierFamily, FourierSeries, ModifiedFourierFamily
 from dynid.trajectory.points import MotionSequence, PointsFamily, PointToPoint, Repetition
-from dynid.trajectory.quintic import FourierQuintic, FourierQuinticFamily, Quintic
+from dynid.trajectory.quintic import (
+    BSpline,
+    BSplineFamily,
+    FourierQuintic,
+    FourierQuinticFamily,
+    Quintic,
+)
 from dynid.trajectory.trajectory import (
     JointMotion,
     MotionFamily,

@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, InputError, freeze, frozen
-from dynid.trajectory.bspline import BSpline
 from dynid.trajectory.fourier import FourierSeries, harmonic_basis
 from dynid.trajectory.points import MotionSequence, PointToPoint, Repetition
-from dynid.trajectory.quintic import STEP, FourierQuintic, Quintic
+from dynid.trajectory.quintic import STEP, BSpline, FourierQuintic, Quintic
 from dynid.trajectory.trajectory import Trajectory, require_positive
 
 

@@ -12,7 +12,13 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, Finding, Indices, InputError, Mask, plain, read_only, told
-from dynid.identification import Estimate, EstimateLike, motion_state, open_estimate
+from dynid.identification import (
+    Estimate,
+    EstimateLike,
+    motion_state,
+    open_estimate,
+    recorded_rows,
+)
 from dynid.regressor import FrictionTerms
 from dynid.robot import RobotModel
 from dynid.signals import Samples
@@ -104,12 +110,9 @@ def refit_friction(estimate: Estimate, samples: Samples) -> Estimate:
     ]
     if not chosen:
         raise InputError("the estimate has no friction", where="--refit")
-    state = motion_state(model, samples)
-    stack = samples.as_recorded(model.stack(samples.q, samples.dq, samples.ddq, state=state))
-    rows = samples.rows
-    columns = stack[list(estimate.independent)][..., rows] / estimate.noise[:, None]
-    known = samples.as_recorded(model.known_torque(samples.q).T)[:, rows]
-    torque = (samples.tau[rows].T + known) / estimate.noise[:, None]
+    independent, rows = list(estimate.independent), samples.rows
+    columns, torque = recorded_rows(model, samples, rows, independent, motion_state(model, samples))
+    columns, torque = (x / estimate.noise[:, None] for x in (columns, torque))
     fixed = [k for k in range(len(estimate.values)) if k not in chosen]
     left = torque - np.tensordot(estimate.values[fixed], columns[fixed], axes=1)
     design = columns[chosen].reshape(len(chosen), -1)

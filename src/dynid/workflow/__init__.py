@@ -20,12 +20,16 @@ from dynid.workflow.design_limits import DesignLimits as DesignLimits
 from dynid.workflow.design_limits import given_limits as given_limits
 from dynid.workflow.designing import DEFAULT_STARTS as DEFAULT_STARTS
 from dynid.workflow.designing import design as design
-from dynid.workflow.fitting import LogFit as LogFit
-from dynid.workflow.fitting import fit as fit
+from dynid.workflow.files import LogFit as LogFit
+from dynid.workflow.files import fit as fit
+from dynid.workflow.files import identify_files as identify_files
+from dynid.workflow.files import validate_files as validate_files
 from dynid.workflow.fleet import Fleet as Fleet
 from dynid.workflow.fleet import fleet as fleet
 from dynid.workflow.identify import Identification as Identification
+from dynid.workflow.identify import Verdict as Verdict
 from dynid.workflow.identify import identify as identify
+from dynid.workflow.identify import verdict as verdict
 from dynid.workflow.recordings import Imported as Imported
 from dynid.workflow.recordings import import_recording as import_recording
 from dynid.workflow.recordings import open_records as open_records
@@ -46,7 +50,3 @@ from dynid.workflow.temperature import TemperatureIdentification as TemperatureI
 from dynid.workflow.temperature import identify_temperature as identify_temperature
 from dynid.workflow.until import RunUntil as RunUntil
 from dynid.workflow.until import run_until as run_until
-from dynid.workflow.validating import Verdict as Verdict
-from dynid.workflow.validating import identify_files as identify_files
-from dynid.workflow.validating import validate_files as validate_files
-from dynid.workflow.validating import verdict as verdict

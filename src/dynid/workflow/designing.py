@@ -131,12 +131,12 @@ class _DesignJob:
         self.noise: Array = excitation.assumed_noise(robot) if given is None else given
         self.weights: Array | None = given if asked.minimised in PAPER else self.noise
         excitation.check_room(self.judge, excitation.region_of(self._problem(asked.period_s, None)))
-        source = ", ".join(map(str, asked.motions))
-        self.purpose: excitation.Purpose = (
-            excitation.purpose_of(self.base, motions_from(asked.motions, robot), source)
-            if asked.motions
-            else excitation.whole_workspace(self.base, self.judge)
-        )
+        if asked.motions:
+            source = ", ".join(map(str, asked.motions))
+            motions = motions_from(asked.motions, robot)
+        else:
+            source, motions = excitation.ANYWHERE, excitation.safe_motions(self.base, self.judge)
+        self.purpose = excitation.purpose_of(self.base, motions, source)
         self.previous: Array | None = self._information(self.noise) if asked.previous else None
 
     def design(self, period_s: float, repetitions: int = 1) -> excitation.ExcitationDesign:
@@ -201,7 +201,7 @@ class _DesignJob:
     def _information(self, noise: Array | None) -> Array:
         """The Gram matrix (b, b) of earlier recordings, their friction free to be another."""
         total = np.zeros((self.base.rank, self.base.rank))
-        kernel = excitation.GramKernel(self.base.model, self.base, noise=noise, coulomb_width=None)
+        kernel = self._kernel(noise)
         for path in self.asked.previous:
             samples = process(path, self.robot)
             # Per second of motion, at the rate of the design: neither side counts by its sampling.
@@ -210,12 +210,12 @@ class _DesignJob:
             total += excitation.without_friction(gram, self.base)
         return total
 
+    def _kernel(self, noise: Array | None) -> excitation.GramKernel:
+        return excitation.GramKernel(self.base.model, self.base, noise=noise, coulomb_width=None)
+
     def _weighted_gram(self, found: excitation.ExcitationDesign) -> Array:
-        kernel = excitation.GramKernel(
-            self.base.model, self.base, noise=self.noise, coulomb_width=None
-        )
         motion = found.trajectory.evaluate(np.arange(found.samples) / self.asked.rate_hz)
-        return kernel.gram(motion.q, motion.dq, motion.ddq)
+        return self._kernel(self.noise).gram(motion.q, motion.dq, motion.ddq)
 
     def _expected(self, gram: Array, repetitions: float) -> excitation.Expected:
         return excitation.expected(repetitions * gram, self.purpose, self.noise, self.previous)
@@ -252,10 +252,8 @@ class _DesignJob:
         state = (motion.q, motion.dq, motion.ddq)
         # The figures are those of the motion alone and of rows as they are, whatever was optimised;
         # an expected error needs rows over their noise.
-        plain = excitation.GramKernel(base.model, base, coulomb_width=None).gram(*state)
-        gram = excitation.GramKernel(base.model, base, noise=self.noise, coulomb_width=None).gram(
-            *state
-        )
+        plain = self._kernel(None).gram(*state)
+        gram = self._kernel(self.noise).gram(*state)
         prediction = excitation.parse_criterion(
             "prediction", moment=self.purpose.moment(self.noise)
         )

@@ -16,12 +16,13 @@ from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingType
 
 from dynid import recording
 from dynid.core import Finding, InputError, Progress, Workers, plain, told
-from dynid.diagnosis import diagnose
+from dynid.diagnosis import USELESS_PREDICTION, Verdict, diagnose, judge
+from dynid.export import simulator_obstacle
 from dynid.identification import Estimate
 from dynid.robot import RobotLike, RobotModel, load_robot
 from dynid.settings import IdentifySettings
 from dynid.trajectory import JointMotion
-from dynid.validation import ValidationResult, another_robot, reproduce, validate
+from dynid.validation import MOVING_SPEED, ValidationResult, another_robot, reproduce, validate
 from dynid.workflow.choosing import (
     asked_processing,
     made_from,
@@ -296,3 +297,50 @@ def over_fitted(training: ValidationResult, validation: ValidationResult) -> tup
             f"of the training record (worst joint {worst:.1f})",
         ),
     )
+
+
+POOR_DEVIATION = 50.0
+"""[%] of a parameter's value above which its deviation makes it uncertain."""
+
+
+def verdict(result: Identification) -> Verdict:
+    """Judge an identification by the error to expect, the faults found and the motion.
+
+    Left-out parts of its own record count where no other recording was predicted.
+    """
+    estimate, kinds = result.estimate, {f.kind for f in result.warnings}
+    fit = result.training.moving.relative_error_overall_percent
+    confirmed = result.validation is not None and "same_record" not in kinds
+    judged = result.validation if confirmed and result.validation is not None else result.training
+    expected, noise = None, noise_percent(judged)
+    if confirmed:
+        expected = judged.moving.relative_error_overall_percent
+    elif estimate.assessment is not None:
+        left_out = estimate.assessment
+        expected = left_out.expected_error_percent
+        size = float(np.linalg.norm(left_out.torque))
+        noise = 100 * float(np.linalg.norm(left_out.noise_floor)) / max(size, 1e-12)
+    elif not fit <= USELESS_PREDICTION:
+        expected = fit if np.isfinite(fit) else USELESS_PREDICTION + fit
+    with np.errstate(invalid="ignore"):
+        uncertain = float(np.mean(~(estimate.relative_std_percent < POOR_DEVIATION)))
+    return judge(
+        result.warnings,
+        expected_percent=expected,
+        noise_percent=noise,
+        confirmed=confirmed,
+        uncertain_share=uncertain,
+        pays=None if estimate.assessment is None else estimate.assessment.pays,
+        obstacle=simulator_obstacle(estimate),
+    )
+
+
+def noise_percent(result: ValidationResult) -> float:
+    """Noise of the torques of moving joints as a share of them [%]: what no model predicts.
+
+    From differences of the error from sample to sample, so that a slow error is no noise.
+    """
+    moving = np.abs(result.dq[1:]) > MOVING_SPEED
+    steps = np.square(np.diff(result.measured - result.predicted, axis=0))[moving]
+    torque = np.square(result.measured[1:])[moving].sum()
+    return float(100 * np.sqrt(steps.sum() / 2 / torque)) if torque > 0 else 0.0

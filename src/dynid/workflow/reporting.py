@@ -41,9 +41,8 @@ from dynid.report import (
 from dynid.robot import move
 from dynid.validation import ParameterComparison, ValidationResult, compare, reproduce, validate
 from dynid.workflow.design_files import StoredDesign, read_design
-from dynid.workflow.identify import Identification, over_fitted
+from dynid.workflow.identify import Identification, over_fitted, verdict
 from dynid.workflow.running import truth_path
-from dynid.workflow.validating import verdict
 
 SAMPLES = 200
 KINDS = ("torque", "tcp_speed", "elbow_speed", "momentum", "power")

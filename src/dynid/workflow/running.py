@@ -43,18 +43,10 @@ from dynid.recording import (
     read_record,
     write_record,
 )
-from dynid.robot import RobotLike, RobotModel, load_robot
+from dynid.robot import PARAMETERS, RobotLike, RobotModel, load_robot
 from dynid.settings import RunSettings
+from dynid.workflow import design_files
 from dynid.workflow.analyze import unit_notes
-from dynid.workflow.design_files import (
-    DesignLike,
-    StoredDesign,
-    TrajectoryLike,
-    design_file,
-    judge_of,
-    open_trajectory,
-    read_design,
-)
 from dynid.workflow.design_limits import given_limits
 from dynid.workflow.identify import PROMISED
 from dynid.workflow.recordings import robot_reference
@@ -62,7 +54,7 @@ from dynid.workflow.recordings import robot_reference
 
 def simulate_recording(
     robot: RobotLike,
-    trajectory: TrajectoryLike,
+    trajectory: design_files.TrajectoryLike,
     *,
     rate_hz: float = 125.0,
     periods: int = 1,
@@ -85,7 +77,7 @@ def simulate_recording(
         JobError: The simulated arm ran away.
         MissingExtraError: MuJoCo is not installed.
     """
-    robot, motion = load_robot(robot), open_trajectory(trajectory)
+    robot, motion = load_robot(robot), design_files.open_trajectory(trajectory)
     arm = _equipped_arm(robot)
     run = simulation.simulate(
         arm, motion, rate_hz=rate_hz, periods=periods, thermal=thermal, seed=seed
@@ -133,10 +125,7 @@ def write_truth(
         "robot": arm.robot.name,
         "label": truth.label,
         "mean_degC": temperature_degC.tolist(),
-        "parameters": [
-            *("m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy"),
-            *("Fc", "Fv", "Im"),
-        ],
+        "parameters": [*PARAMETERS, "Fc", "Fv", "Im"],
         "frame": "joint frames, tensors about their origins; Fc and Fv at mean_degC",
         "links": truth.standard_parameters_at(temperature_degC).tolist(),
         "drive_gain": truth.gain.tolist(),
@@ -165,7 +154,7 @@ class Run:
     """How it ended."""
     record: Path | None
     """The recording, or what is left of it; None if there is none."""
-    design: StoredDesign
+    design: design_files.StoredDesign
     """What was executed."""
 
     @property
@@ -206,7 +195,7 @@ class Run:
 
 
 def run_design(
-    design: DesignLike,
+    design: design_files.DesignLike,
     output: str | Path,
     *,
     on: str = SIMULATED,
@@ -246,7 +235,7 @@ def run_design(
             value=asked.method,
             next_step="Leave it out, or stream to a controller: dynid controller, --on ur://HOST.",
         )
-    with design_file(design, asked.robot) as file:
+    with design_files.design_file(design, asked.robot) as file:
         loaded = load_design(file, asked)
     written = (path, truth_path(path)) if on == SIMULATED else (path,)
     require_absent(*written, force=asked.force)
@@ -278,13 +267,15 @@ def run_design(
     return _execute(plan, driver, loaded, asked, path, cancel, progress)
 
 
-def load_design(path: Path, asked: RunSettings) -> StoredDesign:
+def load_design(path: Path, asked: RunSettings) -> design_files.StoredDesign:
     """Read a design, or any trajectory file, for the robot and what it carries.
 
     Raises:
         InputError: Not a design, or one for a robot that cannot be read.
     """
-    found = read_design(path, robot=asked.robot, mount=asked.mount, mesh_dirs=asked.mesh_dirs)
+    found = design_files.read_design(
+        path, robot=asked.robot, mount=asked.mount, mesh_dirs=asked.mesh_dirs
+    )
     robot = given_limits(asked, found.limits).equipped(found.robot)
     if asked.robot is None:
         return replace(found, robot=robot)
@@ -295,7 +286,7 @@ def load_design(path: Path, asked: RunSettings) -> StoredDesign:
 def _made_ready(
     plan: ExperimentPlan,
     state: drivers.ControllerState,
-    loaded: StoredDesign,
+    loaded: design_files.StoredDesign,
     asked: RunSettings,
     confirm: Confirm | None,
 ) -> ExperimentPlan:
@@ -305,7 +296,7 @@ def _made_ready(
         InputError: A design that must not run, or nobody agrees.
         JobError: The robot is not ready, or has moved since it was checked.
     """
-    _, constraints = judge_of(loaded, asked)
+    _, constraints = design_files.judge_of(loaded, asked)
     certificate = check_design(plan, constraints, asked.accept_unjudged)
     approach = plan_approach(state.q, plan.start, constraints)
     checks = check_robot(plan, state, approach)
@@ -355,7 +346,7 @@ def _equipped_arm(robot: RobotModel) -> simulation.SimulatedArm:
     return arm
 
 
-def _simulated(loaded: StoredDesign, asked: RunSettings) -> drivers.SimulatedDriver:
+def _simulated(loaded: design_files.StoredDesign, asked: RunSettings) -> drivers.SimulatedDriver:
     arm = _equipped_arm(loaded.robot)
     thermal = asked.thermal
     if asked.warm_up_s > 0:
@@ -369,7 +360,7 @@ def _simulated(loaded: StoredDesign, asked: RunSettings) -> drivers.SimulatedDri
 def _execute(
     plan: ExperimentPlan,
     driver: drivers.Driver,
-    loaded: StoredDesign,
+    loaded: design_files.StoredDesign,
     asked: RunSettings,
     path: Path,
     cancel: Event | None,

@@ -15,7 +15,7 @@ import numpy as np
 
 from dynid.core import Array, Indices, InputError, Mask, freeze, plain, scipy_part
 from dynid.identification.bayesian import symbol_of
-from dynid.regressor import INERTIAL
+from dynid.robot import PARAMETERS
 
 FINE, COARSE = 8, 4
 """Regions of the two partitions: what pays must pay on both."""
@@ -185,7 +185,7 @@ class TorqueInterval:
             raise InputError(
                 "level of an interval", value=level, limit=f"{LEVELS[0]} to {LEVELS[-1]}"
             )
-        inertial = {"Im", "Imm", *INERTIAL}
+        inertial = {"Im", "Imm", *PARAMETERS}
         rubs = [k for k, name in enumerate(names) if symbol_of(name) not in inertial]
         friction = np.tensordot(values[rubs], columns[rubs], axes=1)
         torque = np.tensordot(values, columns, axes=1)

@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline  # pyright: ignore[reportMissingTypeSt
 from dynid.core import Array, Indices, InputError, Mask
 from dynid.identification.bayesian import not_negative, published_prior
 from dynid.identification.problem import block_mean, chunk_size, motion_state, recorded_rows
+from dynid.identification.selection import gram
 from dynid.identification.selection.columns import (
     DISPLACEMENTS,
     EXTRA_TERMS,
@@ -21,16 +22,6 @@ from dynid.identification.selection.columns import (
     chosen_friction,
     load_inertias,
     load_size,
-)
-from dynid.identification.selection.gram import (
-    GramBlocks,
-    NormalEquations,
-    Pick,
-    Shrinkage,
-    gram_blocks,
-    joint_weights,
-    left_out_values,
-    solutions,
 )
 from dynid.identification.selection.regions import (
     BLOCKS,
@@ -105,7 +96,7 @@ class CandidateBlocks:
     """Gram blocks of some settings, by the partitions of a purpose."""
 
     def __init__(
-        self, blocks: GramBlocks, groups: Indices, moving: Indices, counted: Indices
+        self, blocks: gram.GramBlocks, groups: Indices, moving: Indices, counted: Indices
     ) -> None:
         self.all = blocks
         # One cell of the rows in motion.
@@ -169,7 +160,7 @@ class ScoreSearch:
             )
         )
         known = published_prior(self.base)
-        self.prior = Shrinkage(mean=known.mean, precision=known.precision)
+        self.prior = gram.Shrinkage(mean=known.mean, precision=known.precision)
         self.regions: Regions = find_regions([r.q for r in recordings], robot.prismatic)
         self._cache: tuple[ProcessingSettings, CandidateBlocks] | None = None
         self._load: tuple[ProcessingSettings, Array] | None = None
@@ -187,7 +178,7 @@ class ScoreSearch:
         places = [columns.places(j, PLAIN_WIDTH, frozenset()) for j in range(self.robot.joints)]
         picks = self.picks_at(places, columns)
         prior = self.prior.times(PRIOR_OF_PLAIN)
-        weights = joint_weights(blocks.all, picks, prior, self.positive(picks, columns))
+        weights = gram.joint_weights(blocks.all, picks, prior, self.positive(picks, columns))
         return min(self.errors_of(blocks, picks, weights, w).value for w in COARSE_WEIGHTS)
 
     def summed(
@@ -228,13 +219,13 @@ class ScoreSearch:
         keys = np.stack(np.unravel_index(codes, sizes))
         width = self.base.rank + len(columns.positive) + len(versions)
         counted = keys[-1] if self.anywhere else np.ones(keys.shape[1], dtype=np.intp)
-        total: GramBlocks | None = None
+        total: gram.GramBlocks | None = None
         first, n = 0, self.robot.joints
         for signals, samples, label in zip(self.recordings, processed, labels, strict=True):
             here = cells[first : first + label.shape[1]].reshape(n, -1)
             first += label.shape[1]
             parts = self._parts(signals, samples, settings, columns, versions, inertias)
-            blocks = gram_blocks(parts, here, keys.shape[1], width)
+            blocks = gram.gram_blocks(parts, here, keys.shape[1], width)
             total = blocks if total is None else total + blocks
         if total is None:
             raise InputError("needs at least one record")
@@ -301,7 +292,7 @@ class ScoreSearch:
         places: Sequence[tuple[int, ...]],
         columns: CandidateColumns,
         versions: Sequence[int] | None = None,
-    ) -> tuple[Pick, ...]:
+    ) -> tuple[gram.Pick, ...]:
         """What each joint uses of blocks.
 
         Args:
@@ -312,13 +303,13 @@ class ScoreSearch:
         rank = self.base.rank
         common, first = np.arange(rank), rank
         torque = rank + len(columns.positive)
-        picks: list[Pick] = []
+        picks: list[gram.Pick] = []
         for place, version in zip(places, versions or [0] * len(places), strict=True):
             own = np.arange(first, first + len(place))
             first += len(place)
             there = rank + np.array(place, dtype=np.intp)
             picks.append(
-                Pick(
+                gram.Pick(
                     unknowns=np.concatenate([common, own]),
                     columns=np.concatenate([common, there]),
                     torque=torque + version,
@@ -326,12 +317,14 @@ class ScoreSearch:
             )
         return tuple(picks)
 
-    def picks(self, choices: tuple[JointChoice, ...]) -> tuple[Pick, ...]:
+    def picks(self, choices: tuple[JointChoice, ...]) -> tuple[gram.Pick, ...]:
         """The candidate columns that choices stand for."""
         places = [self.columns.places(j, c.step, c.terms) for j, c in enumerate(choices)]
         return self.picks_at(places, self.columns)
 
-    def positive(self, picks: tuple[Pick, ...], columns: CandidateColumns | None = None) -> Mask:
+    def positive(
+        self, picks: tuple[gram.Pick, ...], columns: CandidateColumns | None = None
+    ) -> Mask:
         """Unknowns that cannot be negative; columns of the blocks, None for all candidates."""
         rank = self.base.rank
         shared = not_negative(self.base.model)[list(self.base.independent)]
@@ -344,7 +337,7 @@ class ScoreSearch:
     ) -> Array:
         """(n) weights of the joints."""
         picks = self.picks(choices)
-        return joint_weights(blocks.all, picks, self.prior.times(prior), self.positive(picks))
+        return gram.joint_weights(blocks.all, picks, self.prior.times(prior), self.positive(picks))
 
     def scores(
         self,
@@ -359,7 +352,7 @@ class ScoreSearch:
     def errors_of(
         self,
         blocks: CandidateBlocks,
-        picks: tuple[Pick, ...],
+        picks: tuple[gram.Pick, ...],
         weights: Array,
         prior: float,
         columns: CandidateColumns | None = None,
@@ -369,8 +362,10 @@ class ScoreSearch:
         errors: list[Array] = []
         rows: list[Array] = []
         for whole, counted in blocks.parts:
-            values = left_out_values(NormalEquations(whole, picks, weights), shrinkage, positive)
-            errors.append(NormalEquations(counted, picks, weights).square_errors(values))
+            values = gram.left_out_values(
+                gram.NormalEquations(whole, picks, weights), shrinkage, positive
+            )
+            errors.append(gram.NormalEquations(counted, picks, weights).square_errors(values))
             rows.append(counted.rows)
         return Scores(errors=tuple(errors), rows=tuple(rows))
 
@@ -430,8 +425,8 @@ class ScoreSearch:
         blocks = self.blocks(settings)
         picks, weights = self.picks(choices), self.weights(blocks, choices, prior)
         cells = blocks.all.merged(np.zeros(int(blocks.all.rows.shape[1]), dtype=np.intp))
-        system = NormalEquations(cells, picks, weights)
-        values = solutions(
+        system = gram.NormalEquations(cells, picks, weights)
+        values = gram.solutions(
             system.matrix,
             system.vector,
             self.prior.times(prior * blocks.rows),

@@ -1,0 +1,287 @@
+"""From files to files: `dynid identify`, `dynid validate`, and `dynid fit`, the whole job."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dynid.core import DynidError, InputError, Progress, check_word, make_folder, silent, workers
+from dynid.export import ExportedFile, write_model
+from dynid.identification import open_estimate, write_estimate
+from dynid.recording import (
+    LONG,
+    AnyRecording,
+    ExperimentRecord,
+    RecordLike,
+    StoredRecording,
+    as_list,
+    checked_records,
+    local_files,
+    open_any,
+    open_record,
+    write_record,
+)
+from dynid.robot import RobotLike, load_robot
+from dynid.settings import IdentifySettings
+from dynid.signals import ProcessingSettings, rows_of, survey, window
+from dynid.validation import ValidationResult, refit_friction, samples_of, validate
+from dynid.workflow.identify import Identification, Verdict, identify, verdict
+from dynid.workflow.recordings import known_gains, of_robot, robot_of
+from dynid.workflow.reporting import report
+
+
+def identify_files(
+    recordings: Sequence[str | Path],
+    output: str | Path | None = None,
+    *,
+    robot: str | Path | None = None,
+    settings: IdentifySettings | None = None,
+    validation: str | Path | None = None,
+    validation_start_s: float | None = None,
+    validation_stop_s: float | None = None,
+    gains: Sequence[float] | None = None,
+    jobs: int = 1,
+    dask: str | None = None,
+    progress: Progress | None = None,
+) -> Identification:
+    """Identify from recordings, validate if asked to, write the estimate if told where.
+
+    As `identify`, from paths or URLs of an object store; None stands for the robot that they say.
+    With a window alone, the validation is of the one recording that was given. `gains` (n)
+    [N.m/A] override those of the recordings and of the robot; `jobs` or the workers of a Dask
+    scheduler sum long recordings.
+
+    Raises:
+        InputError: Files that cannot be read or do not belong together, unknown settings.
+        JobError: A singular problem.
+    """
+    others = [] if validation is None else [validation]
+    with local_files([*recordings, *others]) as paths:
+        files = paths[: len(recordings)]
+        model = robot_of(files, robot)
+        found = open_any(files, model, gains)
+        if gains is not None:
+            # Remembered with the estimate, for recordings of the robot that are without.
+            model = replace(model, drives=replace(model.drives, gain=np.array(gains)))
+        held = [record for record in found if isinstance(record, ExperimentRecord)]
+        # Of those that stay in their files, a part is checked when it is looked at.
+        stored = [record for record in found if isinstance(record, StoredRecording)]
+        records: list[AnyRecording] = [*checked_records(held), *stored]
+        other: ExperimentRecord | None = None
+        if validation is not None:
+            other = open_record(paths[-1], model, gains)
+        elif validation_start_s is not None or validation_stop_s is not None:
+            if len(records) > 1:
+                raise InputError(
+                    "a validation window needs a recording",
+                    value=f"{len(records)} recordings",
+                    next_step="Name it with --validate RECORD.",
+                )
+            other = _window_of(records[0], validation_start_s, validation_stop_s)
+            if not isinstance(records[0], ExperimentRecord):
+                validation_start_s = validation_stop_s = None
+        if other is not None:
+            # A wrong window must not cost the time of an identification first.
+            window(other.t, validation_start_s, validation_stop_s)
+        with workers(jobs, dask) as beside:
+            result = identify(
+                records,
+                model,
+                settings,
+                validation=other,
+                validation_start_s=validation_start_s,
+                validation_stop_s=validation_stop_s,
+                partial=None if output is None else f"{output}.partial",
+                beside=beside,
+                progress=progress,
+            )
+        if output is not None:
+            write_estimate(result.estimate, output)
+        return result
+
+
+def _window_of(
+    record: AnyRecording, start_s: float | None, stop_s: float | None
+) -> ExperimentRecord:
+    """A recording whose window can be validated: of a stored one, the window alone."""
+    if isinstance(record, ExperimentRecord):
+        return record
+    grid = survey(record, ProcessingSettings(start_s=start_s, stop_s=stop_s))
+    if grid.last_row - grid.first_row > LONG:
+        raise InputError(
+            "the window is too long to be predicted at once",
+            where="--validate-from, --validate-to",
+            value=f"{grid.last_row - grid.first_row} rows",
+            limit=f"{LONG} rows",
+        )
+    return rows_of(record, grid.first_row, grid.last_row)
+
+
+def validate_files(
+    estimate: str | Path,
+    recording: str | Path,
+    *,
+    start_s: float | None = None,
+    stop_s: float | None = None,
+    at_degC: float | None = None,
+    gains: Sequence[float] | None = None,
+    refit: str | None = None,
+    output: str | Path | None = None,
+) -> ValidationResult:
+    """Predict the torques of a recording, or of a window of it [s], and measure the error.
+
+    All joints are at a temperature [degC] where the file holds temperature laws. `gains` (n)
+    [N.m/A] override those of the recording and of the robot. With `refit`, which is `friction`,
+    friction is taken from this recording first, and the refitted estimate written if told where.
+
+    Raises:
+        InputError: Files that cannot be read, or do not belong together.
+    """
+    check_word(refit or "friction", ("friction",), "--refit")
+    if output is not None and refit is None:
+        raise InputError("nothing to write without --refit", where="--output", value=str(output))
+    known = open_estimate(estimate, at_degC)
+    record = open_record(recording, known.model.robot, gains)
+    if refit is not None:
+        samples = samples_of(known, record, start_s=start_s, stop_s=stop_s)
+        known = refit_friction(known, samples)
+        if output is not None:
+            write_estimate(known, output)
+    return validate(known, record, start_s=start_s, stop_s=stop_s)
+
+
+MODELS = {"urdf": "model.urdf", "mjcf": "model.xml", "c": "model.h"}
+"""The models that are written, by format."""
+ESTIMATE = "estimate.json"
+REPORT = "report.html"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogFit:
+    """What was identified from logs, and the files written."""
+
+    identification: Identification
+    """The estimate with its errors."""
+    verdict: Verdict
+    """By purpose."""
+    gains_from: tuple[str, ...]
+    """Where the drive gains of each log come from: `effort` (none needed), `recording`, `robot`,
+    `targets` (found in the log) or `given`."""
+    records: tuple[Path, ...]
+    """The logs as recordings of dynid; the last one is the validation log, where there is one."""
+    estimate: Path
+    """Its file."""
+    models: tuple[ExportedFile, ...]
+    """The written models."""
+    not_exported: tuple[tuple[str, str], ...]
+    """Formats that cannot represent this model, each with the reason."""
+    report: Path
+    """The page."""
+
+    def to_json(self) -> dict[str, Any]:
+        """The object that `--json` prints: the keys of `identify`, the verdict and the files."""
+        return {
+            **self.identification.to_json(),
+            "verdict": self.verdict.to_json(),
+            "gains_from": list(self.gains_from),
+            "records": [str(path) for path in self.records],
+            "estimate": str(self.estimate),
+            "models": [export.to_json() for export in self.models],
+            "not_exported": dict(self.not_exported),
+            "report": str(self.report),
+        }
+
+
+def fit(
+    robot: RobotLike,
+    logs: RecordLike | Sequence[RecordLike],
+    output: str | Path,
+    *,
+    validation: RecordLike | None = None,
+    gains: Sequence[float] | None = None,
+    settings: IdentifySettings | None = None,
+    progress: Progress | None = None,
+) -> LogFit:
+    """Identify a robot from logs at hand: import, identify, validate, export and report.
+
+    Args:
+        robot: Built-in name, URDF file, robot file or model.
+        logs: Recordings, or their files in any format that `dynid import` reads without options,
+            or folders with the text files of one run.
+        output: Folder for recordings, estimate, models and report; made if it is missing.
+        validation: Another log, which the identified model has to predict.
+        gains: (n) drive gains [N.m/A]; None: those of the recording or of the robot, or else from
+            the target currents and moments in the log.
+        settings: How to identify; None: preset best.
+        progress: Told what is being done and how far it is (0 to 1).
+
+    Raises:
+        InputError: A robot or logs that cannot be read, no drive gains, or a folder that cannot
+            be written.
+        JobError: A singular problem, or a full disk.
+    """
+    tell = progress or silent
+    given = as_list(logs)
+    if not given:
+        raise InputError("needs at least one log")
+    model = load_robot(robot)
+    folder = _folder(output)
+    records: list[ExperimentRecord] = []
+    sources: list[str] = []
+    paths: list[Path] = []
+    others = [] if validation is None else [validation]
+    for k, log in enumerate([*given, *others]):
+        kind = "validation" if k >= len(given) else f"log{k + 1}" if len(given) > 1 else "log"
+        name = "" if isinstance(log, ExperimentRecord) else Path(log).stem
+        tell(f"read {name or kind}", 0.1 * k / (len(given) + 1))
+        record, source = known_gains(open_record(log, model, gains), model)
+        records.append(record)
+        sources.append("given" if gains is not None and source == "recording" else source)
+        paths.append(folder / f"{f'{kind}_{name}' if name else kind}.parquet")
+    other = None if validation is None else records[-1]
+    result = identify(
+        checked_records(records[: len(given)]),
+        model,
+        settings,
+        validation=other,
+        progress=lambda what, share: tell(what, 0.1 + 0.6 * share),
+    )
+    for record, path in zip(records, paths, strict=True):
+        write_record(of_robot(record, robot), path)
+    write_estimate(result.estimate, folder / ESTIMATE)
+    exports: list[ExportedFile] = []
+    failed: list[tuple[str, str]] = []
+    for k, (to, name) in enumerate(MODELS.items()):
+        tell(f"write {name}", 0.7 + 0.05 * k)
+        try:
+            exports.append(write_model(result.estimate, folder / name, to))
+        except DynidError as error:
+            failed.append((to, str(error)))
+    page, _ = report(
+        folder, folder / REPORT, progress=lambda what, share: tell(what, 0.85 + 0.15 * share)
+    )
+    return LogFit(
+        identification=result,
+        verdict=verdict(result),
+        gains_from=tuple(sources),
+        records=tuple(paths),
+        estimate=folder / ESTIMATE,
+        models=tuple(exports),
+        not_exported=tuple(failed),
+        report=page,
+    )
+
+
+def _folder(output: str | Path) -> Path:
+    folder = make_folder(output)
+    taken = [name for name in (ESTIMATE, REPORT, *MODELS.values()) if (folder / name).exists()]
+    if taken:
+        raise InputError(
+            "the folder already holds results, and nothing is replaced",
+            where="-o",
+            value=f"{folder}: {', '.join(taken)}",
+            next_step="Name another folder, or move these files away.",
+        )
+    return folder
