@@ -39,6 +39,27 @@ def test_clean_recordings_raise_no_finding(tmp_path: Path, wrong: Wrong) -> None
     assert faults(tmp_path, wrong) == []
 
 
+@pytest.mark.parametrize(
+    ("wrong", "kinds"),
+    [
+        (Wrong(), []),
+        (Wrong(seed=1, load_friction=0.05), []),
+        # Another last link, of which nothing is known.
+        (Wrong(carried=2.0), []),
+        (Wrong(scales=(1.0, 0.8, 1.0)), ["drive_gain"]),
+        (Wrong(scales=(1.0, -1.0, 1.0)), ["reversed"]),
+        (Wrong(tilt_deg=3.0), ["mounting"]),
+        (Wrong(warming=0.5), ["friction_drift"]),
+    ],
+)
+def test_faults_are_named_where_no_inertias_are_published(
+    tmp_path: Path, wrong: Wrong, kinds: list[str]
+) -> None:
+    robot = arm(tmp_path)
+    unpublished = replace(robot, inertias=np.full_like(robot.inertias, np.nan))
+    assert [f.kind for f in findings_of(recording(wrong), unpublished)] == kinds
+
+
 @pytest.mark.parametrize(("joint", "factor"), [(0, 0.8), (1, 0.85), (1, 1.9), (2, 1.3)])
 def test_a_wrong_gain_is_measured(tmp_path: Path, joint: int, factor: float) -> None:
     scales = [1.0, 1.0, 1.0]

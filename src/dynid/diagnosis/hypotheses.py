@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array
-from dynid.diagnosis.residual import BLOCKS, LEAST_ERROR, Fits, Recording, Reference
+from dynid.diagnosis.residual import BLOCKS, LEAST_ERROR, Fits, Recording, Reference, published
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import RobotModel, from_pseudo_inertia
 
@@ -144,12 +144,15 @@ def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hy
         columns=torques.columns(-np.gradient(torques.smooth, step, axis=0)),
         undo=lambda r, x: replace(r, tau=_shifted(r, float(x[0]), every)),
     )  # fmt: skip
-    yield Hypothesis(
-        kind="gain_all", joints=(), unit="1", width=np.array([0.5]), least=0.1,
-        columns=torques.columns(torques.here),
-        undo=lambda r, x: replace(r, tau=r.tau / (1 + x[0])),
-        lowest=-1.0,
-    )  # fmt: skip
+    # Where nothing is published, nothing tells gains and payloads from the links themselves.
+    known = published(rec.robot)
+    if known.any():
+        yield Hypothesis(
+            kind="gain_all", joints=(), unit="1", width=np.array([0.5]), least=0.1,
+            columns=torques.columns(torques.here),
+            undo=lambda r, x: replace(r, tau=r.tau / (1 + x[0])),
+            lowest=-1.0,
+        )  # fmt: skip
     yield Hypothesis(
         kind="clock_scale", joints=(), unit="1", width=np.array([0.1]), least=0.01,
         columns=torques.columns(torques.slope(1e-3, torques.at(dq_by=1.001))),
@@ -162,19 +165,8 @@ def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hy
             columns=torques.columns(*(torques.slope(1e-3, x) for x in leaning)),
             undo=lambda r, x: replace(r, robot=_tilted(r.robot, x)),
         )  # fmt: skip
-    # A point at the flange; then what its first and second moments differ by.
-    place = np.append(rec.robot.flange[:3, 3], 1.0)
-    body = ref.columns[10 * (n - 1) : 10 * n].copy()
-    body[0] = np.tensordot(from_pseudo_inertia(np.outer(place, place)), body, axes=1)
-    carried = PAYLOAD * float(ref.mean[: 10 * n : 10].sum())
-    yield Hypothesis(
-        kind="payload", joints=(n - 1,), unit="kg", least=0.05 * carried,
-        width=carried * np.array([1.0, *[LEVER_M] * 3, *[LEVER_M**2] * 6]),
-        columns=body,
-        # What is left of the last link has a mass.
-        lowest=-max(float(values[10 * (n - 1)]), 0.0),
-        widest=MOST_CARRIED,
-    )  # fmt: skip
+    if known[-1]:
+        yield _payload(ref, values)
     friction = ref.columns[10 * n :].copy()
     friction[n : 2 * n] = 0.0  # motor inertia
     total = np.tensordot(values[10 * n :], friction, axes=1)
@@ -182,6 +174,23 @@ def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hy
     yield Hypothesis(
         kind="friction_drift", joints=every, unit="1", width=np.full(n, 0.5), least=0.08,
         columns=np.eye(n)[:, :, None] * (total * time)[:, None, :],
+    )  # fmt: skip
+
+
+def _payload(ref: Reference, values: Array) -> Hypothesis:
+    n = ref.recording.robot.joints
+    # A point at the flange; then what its first and second moments differ by.
+    place = np.append(ref.recording.robot.flange[:3, 3], 1.0)
+    body = ref.columns[10 * (n - 1) : 10 * n].copy()
+    body[0] = np.tensordot(from_pseudo_inertia(np.outer(place, place)), body, axes=1)
+    carried = PAYLOAD * float(ref.mean[: 10 * n : 10].sum())
+    return Hypothesis(
+        kind="payload", joints=(n - 1,), unit="kg", least=0.05 * carried,
+        width=carried * np.array([1.0, *[LEVER_M] * 3, *[LEVER_M**2] * 6]),
+        columns=body,
+        # What is left of the last link has a mass.
+        lowest=-max(float(values[10 * (n - 1)]), 0.0),
+        widest=MOST_CARRIED,
     )  # fmt: skip
 
 

@@ -29,8 +29,10 @@ PRESLIDING = (0.001, 0.006)
 DRAWS = 300
 SWEEPS = 8
 UNKNOWN_LENGTH_M = 0.5
-UNKNOWN_MASS, UNKNOWN_CENTRE, UNKNOWN_TENSOR = 1.0, 0.3, 0.5
-"""... of guessed links (log of the mass, share of the arm's thickness and length, log)."""
+UNKNOWN_MASS, UNKNOWN_CENTRE, UNKNOWN_THICK, UNKNOWN_TENSOR = 1.0, 0.3, 0.1, 0.5
+"""... of guessed links: log of the mass; centre and least thickness, shares of the longest; log."""
+BALL_M = 0.03
+"""Published tensors may be rough: a body is at least as thick as a ball of this radius."""
 FRICTION_SPREAD = 2.0
 """Standard deviation of a friction torque over that of the joint's torque."""
 NARROWEST = 1e-4
@@ -89,48 +91,64 @@ class Recording:
         return replace(self, apart=apart | rows[:, None])
 
 
+def published(robot: RobotModel) -> Mask:
+    """(n) whether mass and centre of each link are published."""
+    return np.isfinite(robot.inertias[:, :4]).all(axis=1) & (robot.inertias[:, 0] > 0)
+
+
 def inertial_prior(robot: RobotModel) -> tuple[Array, Array]:
     """(10 n) inertial parameters and (10 n, 10 n) their covariance, from what is published.
 
     Bodies are drawn about the published ones, so that the covariance knows that a heavier link
     has larger moments. Where a mass is unpublished, they are drawn about a uniform rod along the
-    link whose mass is unknown: its centre is still beside the link, not anywhere. The last link of
-    an arm without any lengths, such as one link, is `UNKNOWN_LENGTH_M` long: gravity needs a lever.
+    link whose mass is unknown: its centre is still beside the link, not anywhere. A last link
+    that ends at its joint in the robot file is as long as the longest, or `UNKNOWN_LENGTH_M`
+    where no link has a length: gravity needs a lever.
     """
     n = robot.joints
-    if not (robot.placements[1:, :3, 3].any() or robot.flange[:3, 3].any()):
+    steps = np.concatenate([robot.placements[1:, :3, 3], robot.flange[None, :3, 3]])
+    longest = float(np.linalg.norm(steps, axis=1).max()) or UNKNOWN_LENGTH_M
+    known = published(robot)
+    if not (known[-1] or robot.flange[:3, 3].any()):
         flange = np.array(robot.flange)
-        flange[0, 3] = UNKNOWN_LENGTH_M
+        flange[0, 3] = longest
         robot = replace(robot, flange=flange)
     draw = np.random.default_rng(0)
     mean, covariance = np.zeros(10 * n), np.zeros((10 * n, 10 * n))
     frames = robot.parameter_frames[robot.default_frames]
     guessed = completed_inertias(robot, robot.default_frames).parameters
+    usual = float(np.where(known, robot.inertias[:, 0], guessed[:, 0]).mean())
     for k in range(n):
         part, place = slice(10 * k, 10 * k + 10), inverse(frames[k])
-        if np.isnan(robot.inertias[k, :4]).any() or robot.inertias[k, 0] <= 0:
-            row = move(guessed[k], frames[k])
-            centre = UNKNOWN_CENTRE * 2.0 * float(np.linalg.norm(row[1:4])) / row[0]
-            spreads = (UNKNOWN_MASS, centre, UNKNOWN_TENSOR)
-        else:
+        if known[k]:
             tensor = UNKNOWN_TENSOR if np.isnan(robot.inertias[k]).any() else TENSOR_SPREAD
             row, spreads = prior_link(robot, k), (MASS_SPREAD, CENTRE_SPREAD_M, tensor)
-        drawn = from_pseudo_inertia(place @ _drawn(draw, row, *spreads) @ place.T)
+            thick = BALL_M / np.sqrt(5)
+        else:
+            # Axes of wrists meet, where no length tells a mass: too much is safer than too little.
+            row = move(guessed[k], frames[k]) * max(1.0, usual / guessed[k, 0])
+            spreads = (UNKNOWN_MASS, UNKNOWN_CENTRE * longest, UNKNOWN_TENSOR)
+            thick = UNKNOWN_THICK * longest
+        drawn = from_pseudo_inertia(place @ _drawn(draw, row, thick, *spreads) @ place.T)
         mean[part] = move(row, place)
         covariance[part, part] = np.cov(drawn.T) + 1e-10 * np.eye(10)
     return mean, covariance
 
 
 def _drawn(
-    draw: np.random.Generator, row: Array, mass_log: float, centre_m: float, tensor_log: float
+    draw: np.random.Generator,
+    row: Array,
+    thick_m: float,
+    mass_log: float,
+    centre_m: float,
+    tensor_log: float,
 ) -> Array:
     """The pseudo-inertias (DRAWS, 4, 4) of bodies near another."""
     normal = draw.normal(size=(DRAWS, 7))
     pseudo = to_pseudo_inertia(row)
     centre = pseudo[:3, 3] / row[0]
     size, axes = np.linalg.eigh(pseudo[:3, :3] - row[0] * np.outer(centre, centre))
-    # A published tensor may be rough: a body has at least the spread of a ball of 3 cm.
-    sizes = np.maximum(size, row[0] * 0.03**2 / 5) * np.exp(tensor_log * normal[:, :3])
+    sizes = np.maximum(size, row[0] * thick_m**2) * np.exp(tensor_log * normal[:, :3])
     factor = np.exp(mass_log * normal[:, 3])
     levers = np.ones((DRAWS, 4))
     levers[:, :3] = centre + centre_m * normal[:, 4:]
