@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, Indices, Mask, scipy_part
-from dynid.diagnosis.residual import STEPPED, Recording, Reference, correlation_length, fits
+from dynid.diagnosis.residual import SHAPES, STEPPED, Recording, Reference, correlation_length, fits
 from dynid.robot import RobotModel
 from dynid.signals import find_period
 
@@ -211,8 +211,8 @@ def torque_deviations(ref: Reference, values: Array) -> Array:
 
 def _held(ref: Reference, values: Array) -> Array:
     """(n) friction of moving joints but for what grows with speed: as much is held at rest."""
-    rec, n = ref.recording, ref.recording.robot.joints
-    first, last = 12 * n, (12 + STEPPED) * n
+    rec, first = ref.recording, ref.shapes.start
+    last = first + STEPPED * (ref.shapes.stop - first) // SHAPES
     friction = np.tensordot(values[first:last], ref.columns[first:last], axes=1)
     speed = rec.average(np.abs(rec.dq.T))
     slowest = REVERSAL * np.percentile(speed, 98, axis=1)

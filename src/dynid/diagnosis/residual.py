@@ -15,7 +15,14 @@ from dynid.constraints import prior_link
 from dynid.core import Array, Mask
 from dynid.identification import CENTRE_SPREAD_M, MASS_SPREAD, TENSOR_SPREAD
 from dynid.identification import inertial_prior as completed_inertias
-from dynid.regressor import CHUNK, FrictionTerms, InverseDynamicModel, friction_state
+from dynid.regressor import (
+    CHUNK,
+    FrictionTerms,
+    InverseDynamicModel,
+    coupled_motors,
+    friction_state,
+    motor_turns,
+)
 from dynid.robot import RobotModel, from_pseudo_inertia, inverse, move, to_pseudo_inertia
 
 BLOCKS = 8
@@ -193,23 +200,26 @@ class Reference:
 
 
 SHAPES, STEPPED = 8, 6
-"""Friction columns of a joint beside the viscous one, and those of them that do not grow with
-speed: they stand first."""
+"""Friction columns of a joint or coupled motor beside the viscous one, and those of them that do
+not grow with speed: they stand first."""
 
 
 def _parts(rec: Recording, inertial: Array) -> Iterator[tuple[slice, Array]]:
     """Columns (p, n, T) of parts of a recording, nothing averaged."""
     model, n = rec.model, rec.robot.joints
-    fast = np.maximum(np.percentile(np.abs(rec.dq), 98, axis=0), 1e-6)[:, None]
-    travel = np.maximum(np.ptp(rec.q, axis=0), 1e-6)
-    states = [friction_state(rec.q.T.copy(), d * travel) for d in PRESLIDING]
-    joints = np.arange(n)
+    # What rubs: each joint, and each motor that several joints turn.
+    turns = np.concatenate([np.eye(n), motor_turns(rec.robot)])
+    joints, rubbing = [*range(n), *coupled_motors(rec.robot)], len(turns)
+    turned = turns @ rec.q.T
+    fast = np.maximum(np.percentile(np.abs(turns @ rec.dq.T), 98, axis=1), 1e-6)[:, None]
+    travel = np.maximum(np.ptp(turned, axis=1), 1e-6)
+    states = [friction_state(turned, d * travel) for d in PRESLIDING]
     step = max(1, CHUNK // rec.block) * rec.block
     for first in range(0, len(rec.t), step):
         part = slice(first, min(first + step, len(rec.t)))
-        dq = rec.dq[part].T
         inner = model.stack(rec.q[part], rec.dq[part], rec.ddq[part])
-        load = np.abs(np.tensordot(inertial, inner[: 10 * n], axes=1))
+        load = np.abs(np.tensordot(inertial, inner[: 10 * n], axes=1))[joints]
+        dq = turns @ rec.dq[part].T
         speed = np.abs(dq) / fast
         near, far = (state[:, part] for state in states)
         slow = np.exp(-np.square(speed / 0.05))
@@ -217,10 +227,11 @@ def _parts(rec: Recording, inertial: Array) -> Iterator[tuple[slice, Array]]:
             *(np.tanh(dq / (w * fast)) for w in WIDTHS),
             near, far, near * slow, load * near, np.ones_like(load), dq * speed,
         )  # fmt: skip
-        stack = np.zeros((len(inner) + SHAPES * n, n, dq.shape[1]))
+        stack = np.empty((len(inner) + SHAPES * rubbing, n, dq.shape[1]))
         stack[: len(inner)] = inner
         for k, shape in enumerate(shapes):
-            stack[len(inner) + k * n + joints, joints] = shape
+            first_row = len(inner) + k * rubbing
+            stack[first_row : first_row + rubbing] = turns[:, :, None] * shape[:, None]
         yield part, stack
 
 
@@ -249,7 +260,7 @@ def reference(
     # A column belongs to the joint that it is largest in: motors that drive several have their own.
     strength = np.sqrt(np.square(columns[10 * n :]).mean(axis=2))
     own = FRICTION_SPREAD * size[strength.argmax(axis=1)] / (strength.sum(axis=1) + 1e-12)
-    shapes = len(columns) - SHAPES * n
+    shapes = slice(len(recording.model.columns), len(columns))
     if added is not None and spread is not None:
         columns = np.concatenate([columns, added])
         own = np.concatenate([own, spread])
@@ -265,7 +276,7 @@ def reference(
         mean=np.concatenate([prior[0], np.zeros(len(rest))]),
         precision=precision,
         load=load,
-        shapes=slice(shapes, shapes + SHAPES * n),
+        shapes=shapes,
     )
 
 
