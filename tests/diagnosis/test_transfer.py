@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from pinocchio_arm import Wrong, arm, recording
+from pinocchio_arm import NOISE, Wrong, arm, recording
 
 from dynid import identify
 from dynid.identification import Estimate
@@ -30,6 +31,18 @@ def test_a_gain_shows_as_gravity_and_inertia(estimate: Estimate) -> None:
     assert abs(gravity[2]) < 0.05
     assert CAUSES[int(np.argmax(result.transfer.rms[:, 1]))] == "gravity"
     assert set(json.loads(json.dumps(result.to_json()))["transfer"]) >= set(CAUSES)
+
+
+def test_guessed_links_that_are_far_off_cost_nothing(tmp_path: Path) -> None:
+    """Delays of 22 and 48 ms made up for them, and another part was predicted ten times worse."""
+    robot = arm(tmp_path)
+    unpublished = replace(robot, inertias=np.full_like(robot.inertias, np.nan))
+    record = recording(Wrong(carried=2.0, seconds=24.0))
+    settings = IdentifySettings(stop_s=8.0)
+    result = identify(record, unpublished, settings, validation=record, validation_start_s=10.0)
+    assert result.estimate.settings.delays_s is None
+    assert result.validation is not None
+    assert (result.validation.metrics.rmse < 1.1 * NOISE).all()
 
 
 def test_other_friction_is_refitted_and_inertias_stay(estimate: Estimate) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from dynid.core import Array, Indices, Mask
 from dynid.identification.selection.columns import LOAD, WIDTHS, CandidateColumns, JointChoice
 from dynid.identification.selection.gram import RIDGE, GramBlocks, joint_weights
-from dynid.identification.selection.scoring import LEAST_GAIN, PRIOR_OF_PLAIN, Scores, ScoreSearch
+from dynid.identification.selection.scoring import LEAST_GAIN, Scores, ScoreSearch
 from dynid.signals import ProcessingSettings
 
 LONGEST_DELAY_S = 0.08
@@ -144,12 +144,12 @@ def _taken(
 ) -> list[int]:
     """1 for each joint whose delay (n) near [s] is sure or pays on parts left out, else 0."""
     blocks = search.summed(settings, columns, np.stack([np.zeros(len(near)), near]))
-    prior = search.prior.times(PRIOR_OF_PLAIN)
+    prior = search.prior.times(search.plain_prior)
 
     def scored(which: list[int]) -> Scores:
         picks = search.picks_at(places, columns, which)
         weights = joint_weights(blocks.all, picks, prior, search.positive(picks, columns))
-        return search.errors_of(blocks, picks, weights, PRIOR_OF_PLAIN, columns)
+        return search.errors_of(blocks, picks, weights, search.plain_prior, columns)
 
     taken: list[int] = (near != 0).astype(int).tolist()
     for j in np.argsort(np.abs(near)):
@@ -236,7 +236,7 @@ class _DelayedSums:
             _eliminated([sums.products[j].sum(axis=0) for sums in self.blocks], own, rank, first)
             for j, own in enumerate(options)
         ]
-        shrinkage = search.prior.times(PRIOR_OF_PLAIN)
+        shrinkage = search.prior.times(search.plain_prior)
         prior = shrinkage.times(float(self.blocks[0].rows.sum(axis=1).mean()))
         known = prior.precision @ prior.mean
         states = [(k, middle, len(self.whole) // 2) for k in start]

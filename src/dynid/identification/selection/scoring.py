@@ -45,8 +45,9 @@ a standard error over the parts left out."""
 GAIN_OF_SHAPE = 0.01
 """So must a cut-off or a torque filter."""
 LEAST_GAIN = 1e-3
-PRIOR_OF_PLAIN = 1e-3
-"""Weight of the published inertias until one is chosen."""
+PRIOR_OF_PLAIN, PRIOR_OF_GUESS = 1e-3, 1e-6
+"""Weight of the published inertias until one is chosen, and of bodies that were guessed: these
+may be wrong by many times their spread, and delays would make up for it."""
 PASSES = 3
 
 
@@ -161,6 +162,7 @@ class ScoreSearch:
         )
         known = published_prior(self.base)
         self.prior = gram.Shrinkage(mean=known.mean, precision=known.precision)
+        self.plain_prior = PRIOR_OF_PLAIN if known.published else PRIOR_OF_GUESS
         self.regions: Regions = find_regions([r.q for r in recordings], robot.prismatic)
         self._cache: tuple[ProcessingSettings, CandidateBlocks] | None = None
         self._load: tuple[ProcessingSettings, Array] | None = None
@@ -177,7 +179,7 @@ class ScoreSearch:
         blocks = self.summed(settings, columns)
         places = [columns.places(j, PLAIN_WIDTH, frozenset()) for j in range(self.robot.joints)]
         picks = self.picks_at(places, columns)
-        prior = self.prior.times(PRIOR_OF_PLAIN)
+        prior = self.prior.times(self.plain_prior)
         weights = gram.joint_weights(blocks.all, picks, prior, self.positive(picks, columns))
         return min(self.errors_of(blocks, picks, weights, w).value for w in COARSE_WEIGHTS)
 

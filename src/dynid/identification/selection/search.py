@@ -14,7 +14,7 @@ import numpy as np
 from dynid.core import Array, Progress, silent
 from dynid.identification.selection.columns import DISPLACEMENTS, PLAIN_WIDTH, JointChoice
 from dynid.identification.selection.delays import Delays, measured_delays, refined_delays
-from dynid.identification.selection.scoring import GAIN_OF_SHAPE, PRIOR_OF_PLAIN, ScoreSearch
+from dynid.identification.selection.scoring import GAIN_OF_SHAPE, ScoreSearch
 from dynid.regressor import FrictionTerms, coupled_motors
 from dynid.robot import RobotModel
 from dynid.signals import (
@@ -115,7 +115,9 @@ def select(
         trials = tuple(replace(trial, delays_s=late.taken_s) for trial in trials)
     tell("friction", 0.4)
     blocks = search.blocks(trials[best])
-    near, _ = search.prior_weights(blocks, choices, search.weights(blocks, choices, PRIOR_OF_PLAIN))
+    near, _ = search.prior_weights(
+        blocks, choices, search.weights(blocks, choices, search.plain_prior)
+    )
     prior = near[0]
     choices, now = search.descend(trials[best], choices, prior)
     # Friction chosen, the cut-off may move to a neighbour.
