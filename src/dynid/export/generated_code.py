@@ -50,6 +50,10 @@ def arrays(model: ExportModel) -> Iterator[tuple[str, str, Array]]:
         said = "what the load of a gear is the torque of: need not be physically consistent"
         yield said, "load", model.load
         yield "", "fl", model.terms["Fl"]
+    if model.presliding is not None:
+        both = np.concatenate([model.presliding, model.presliding[motors]])
+        said = "over which friction builds up [rad, m], 0 where it does not: joints, coupled motors"
+        yield said, "displacement", both
 
 
 COUNTERBALANCE = "joint, outer, inner, rest_length, offset, piston_area, gas_work, gas_volume"
@@ -158,6 +162,12 @@ def c_prefix(name: str) -> str:
     return text if text and text[0].isalpha() else f"robot_{text}".rstrip("_")
 
 
+_PRESLIDING_IN_C = (
+    "   Friction builds up after a reversal: each sample @_presliding_step(&p, q, q_next), then",
+    "   @_presliding_inverse_dynamics(&p, q, dq, ddq, torque); all else has friction of sliding.",
+)
+
+
 def c_code(model: ExportModel, comment: str = "") -> str:
     """The header's text; `comment` says where the model comes from."""
     words = "\n".join(f"   {line}" for line in friction_words(model))
@@ -169,6 +179,7 @@ def c_code(model: ExportModel, comment: str = "") -> str:
         f"   {', '.join(c_safe(name) for name in robot.joint_names)}.",
         "   To call: @_inverse_dynamics, @_mass_matrix, @_coriolis, @_gravity, @_friction,",
         "   @_momentum, @_observer_step; all else serves these. Torques are on the joints' side.",
+        *(() if model.presliding is None else _PRESLIDING_IN_C),
         "   Link with -lm. dynid claims no rights in this file.",
         "   inverse_dynamics(q, dq, ddq) = mass_matrix(q) ddq + coriolis(q, dq) + gravity(q)",
         "   + friction(dq). */"
@@ -201,6 +212,9 @@ def c_code(model: ExportModel, comment: str = "") -> str:
 def _c_functions(model: ExportModel, words: str) -> Iterator[str]:
     part = _functions_of("c_functions.txt")
     rest = part["rest"]
+    if model.presliding is not None:
+        load = part["presliding_load"] if model.terms["Fl"].any() else ""
+        rest += part["presliding"].replace("<load>", load)
     yield part["rigid"]
     if model.speed_alone:
         yield part["speed"].replace("speed_friction", "friction")
@@ -228,6 +242,12 @@ def _c_functions(model: ExportModel, words: str) -> Iterator[str]:
     yield rest.replace("<note>", note)
 
 
+_PRESLIDING_IN_PYTHON = (
+    "Friction builds up after a reversal: each sample state = presliding_step(state, q, q_next),",
+    "None at first, then inverse_dynamics(q, dq, ddq, state); all else has friction of sliding.",
+)
+
+
 def python_code(model: ExportModel, comment: str = "") -> str:
     """The file's text: constants, then functions of q, dq, ddq; `comment` says where it is from."""
     words = friction_words(model)
@@ -243,6 +263,7 @@ def python_code(model: ExportModel, comment: str = "") -> str:
         "inverse_dynamics(q, dq, ddq) = mass_matrix(q) @ ddq + coriolis(q, dq) + gravity(q)",
         f"+ friction({now})",
         *words,
+        *(() if model.presliding is None else _PRESLIDING_IN_PYTHON),
         *([] if model.speed_alone else ["To solve for ddq, give friction the last one, or zeros."]),
         "SI units; torques are on the joints' side. dynid claims no rights in this file.",
         '"""',
@@ -250,10 +271,15 @@ def python_code(model: ExportModel, comment: str = "") -> str:
         "import numpy as np",
         "",
     ]
-    body = _functions_of("python_functions.txt")["body"]
-    body = body.replace("<state>", now).replace("<still>", still).replace("<note>", why)
-    friction = _python_friction(model, words).rstrip()
-    return "\n".join([*head, *_constants(model), "", friction, body])
+    part = _functions_of("python_functions.txt")
+    body = part["body"].replace("<state>", now).replace("<still>", still).replace("<note>", why)
+    friction, memory, more = _python_friction(model, words), "", ""
+    if model.presliding is not None:
+        load = part["presliding_load"] if model.terms["Fl"].any() else ""
+        friction += part["presliding"].replace("<load>", load)
+        memory, more = ", state=None", " + presliding(state, q, dq, ddq)"
+    body = body.replace("<memory>", memory).replace("<more>", more)
+    return "\n".join([*head, *_constants(model), "", friction.rstrip(), body])
 
 
 def _python_friction(model: ExportModel, words: list[str]) -> str:

@@ -57,6 +57,9 @@ class ExportModel:
     counterbalances, is the load that `Fl` multiplies; bodies that need not be able to exist."""
     ripples: tuple[TorqueRipple, ...] = ()
     """The torques that `Fw` multiplies, each joint once."""
+    presliding: Array | None = None
+    """(n) displacements over which friction builds up after a reversal [rad or m]; 0 for joints
+    without. Coulomb, Stribeck and load friction and that of coupled motors have it."""
     physical: bool = True
     """Whether every link is physically consistent and no motor inertia is negative."""
     worst: str = ""
@@ -69,6 +72,8 @@ class ExportModel:
         freeze(self, inertials=(n, 10), width=(n,), shares=(len(self.motors), n))
         if self.load is not None:
             freeze(self, load=(n, 10))
+        if self.presliding is not None:
+            freeze(self, presliding=(n,))
         unknown = sorted(set(self.terms) - set(SYMBOLS))
         if unknown:
             raise InputError(
@@ -123,6 +128,7 @@ def completed_model(estimate: Estimate) -> tuple[ExportModel, Completion]:
         if friction.load is None
         else _about_joints(np.array(friction.load.parameters), frames),
         ripples=friction.ripples,
+        presliding=np.array(friction.presliding) if any(friction.presliding) else None,
         physical=found.physical,
         worst=found.worst,
         origin=found.origin,

@@ -57,14 +57,17 @@ def our_torque(
 ) -> Array:
     """(N, n) torques by the model that was identified, not by anything in this package.
 
+    Of sliding joints; beside them (N, 2 n) those along the states in order, for presliding.
+
     Of terms beside the inertias only those that the file has a place for are `held`,
     counterbalances left out, with the Coulomb and viscous friction of such a file; None for
     everything.
     """
     model, values = estimate.model, np.array(completed.values)
     if held is None or friction is None:
-        torque = model.inverse_dynamics(*states, values)
-        return torque - model.known_torque(states[0])
+        past, known = model.friction_state(states[0]), model.known_torque(states[0])
+        ways = [None] if past is None else [None, past]
+        return np.hstack([model.inverse_dynamics(*states, values, way) - known for way in ways])
     kept = set(held) - {"Fc", "Fv"}
     for k, column in enumerate(model.columns[10 * model.robot.joints :]):
         if column.name.rstrip("0123456789") not in kept:
@@ -80,7 +83,14 @@ import json, runpy, sys
 import numpy as np
 model = runpy.run_path(sys.argv[1])
 q, dq, ddq = np.array(json.load(sys.stdin))
-json.dump(model["inverse_dynamics"](q, dq, ddq).tolist(), sys.stdout)
+torque = model["inverse_dynamics"](q, dq, ddq)
+if step := model.get("presliding_step"):
+    states = [None]
+    for k in range(len(q)):
+        states.append(step(states[-1], q[k], *q[k + 1 : k + 2]))
+    past = np.array(states[1:])
+    torque = np.hstack([torque, model["inverse_dynamics"](q, dq, ddq, past)])
+json.dump(torque.tolist(), sys.stdout)
 """
 _C = """
 #include <stdio.h>
@@ -88,22 +98,28 @@ _C = """
 
 int main(void)
 {
-    double x[3][%(upper)s_JOINTS], torque[%(upper)s_JOINTS];
+    double x[4][%(upper)s_JOINTS], torque[%(upper)s_JOINTS];
     int i, k;
     for (;;) {
-        for (k = 0; k < 3; ++k)
+        for (k = 0; k < 4; ++k)
             for (i = 0; i < %(upper)s_JOINTS; ++i)
                 if (scanf("%%lf", &x[k][i]) != 1) return 0;
         %(lower)s_inverse_dynamics(x[0], x[1], x[2], torque);
         for (i = 0; i < %(upper)s_JOINTS; ++i) printf("%%.17g ", torque[i]);
-        printf("\\n");
+%(motion)s        printf("\\n");
     }
 }
+"""
+_C_MOTION = """
+        static %(lower)s_presliding past;
+        %(lower)s_presliding_step(&past, x[0], x[3]);
+        %(lower)s_presliding_inverse_dynamics(&past, x[0], x[1], x[2], torque);
+        for (i = 0; i < %(upper)s_JOINTS; ++i) printf("%%.17g ", torque[i]);
 """
 
 
 def python_torque(path: Path, states: States) -> tuple[Array, str]:
-    """(N, n) torques of a generated Python file, in a fresh interpreter, and its name.
+    """Torques of a generated Python file, as `our_torque`, in a fresh interpreter, and its name.
 
     Raises:
         JobError: The file does not run.
@@ -115,7 +131,7 @@ def python_torque(path: Path, states: States) -> tuple[Array, str]:
 
 
 def c_torque(path: Path, prefix: str, states: States) -> tuple[Array | None, str]:
-    """(N, n) torques of a generated header, compiled, and the compiler; None without one.
+    """Torques of a generated header, as `our_torque`, compiled, and the compiler; None without one.
 
     `prefix` is what its names start with.
 
@@ -125,13 +141,17 @@ def c_torque(path: Path, prefix: str, states: States) -> tuple[Array | None, str
     compiler = c_compiler()
     if compiler is None:
         return None, "no C compiler was found (cc, gcc or clang)"
-    rows = np.concatenate(states, axis=1)
+    q = states[0]
+    # The last of a motion goes on as it came.
+    rows = np.hstack([*states, np.vstack([q[1:], 2 * q[-1:] - q[-2:][:1]])])
     given = "\n".join(" ".join(map(repr, row)) for row in rows.tolist())
     with tempfile.TemporaryDirectory(prefix="dynid-c-") as folder:
         source, program = Path(folder) / "main.c", Path(folder) / "main"
         header = Path(folder) / "model.h"
         shutil.copyfile(path, header)
         names = {"header": header.name, "lower": prefix, "upper": prefix.upper()}
+        known = f"{prefix}_presliding_step" in header.read_text(encoding="utf-8")
+        names["motion"] = _C_MOTION % names if known else ""
         source.write_text(_C % names, encoding="utf-8")
         command = [compiler, *C_FLAGS, str(source), "-o", str(program), "-lm"]
         _run(command, "", f"{Path(compiler).name} on the header")

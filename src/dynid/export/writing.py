@@ -68,6 +68,7 @@ def model_to_json(model: ExportModel) -> dict[str, Any]:
         ],
         "load": None if model.load is None else _links(model, model.load),
         "ripples": [ripple.to_json() for ripple in model.ripples],
+        **({} if model.presliding is None else {"presliding": model.presliding.tolist()}),
         "robot": robot_to_json(model.robot),
     }
 
@@ -85,6 +86,7 @@ def model_from_json(data: Mapping[str, Any]) -> ExportModel:
         motors=tuple(one["motor"] - 1 for one in motors),
         load=None if load is None else _rows(load),
         ripples=ripples_from_json(data["ripples"]),
+        presliding=np.array(data["presliding"]) if "presliding" in data else None,
         physical=data["physical"],
         worst=data["worst"],
         origin=data["origin"],
@@ -118,7 +120,7 @@ class FileFormat:
     text: Callable[[ExportModel, str], str]
     """From the model and where it comes from."""
     torque: Callable[[ExportModel, Path, verification.States], tuple[Array | None, str]]
-    """(N, n) what another program makes of the file, and its name; None if there is none."""
+    """What another program makes of the file, as `our_torque`, and its name; None without one."""
     held: tuple[str, ...] | None = None
     """Terms beside the inertias that it has a place for; None for all."""
     tolerance: float = _EXACT
@@ -249,8 +251,12 @@ def write_model(estimate: EstimateLike, path: str | Path, to: str) -> ExportedFi
         raise InputError("unknown format", where="--to", value=to, limit=", ".join(FORMATS))
     path = Path(path)
     model, completed = completed_model(estimate)
-    states = random_states(model.robot, verification.STATES, seed=0)
     kind = _FORMATS[to]
+    states = random_states(model.robot, verification.STATES, seed=0)
+    if kind.held is None and model.presliding is not None:
+        # Half of them a few displacements apart: there, friction depends on those before.
+        over = np.where(model.presliding > 0, model.presliding, 1.0)
+        states[0][verification.STATES // 2 :] *= over
     friction = None if kind.held is None else nearest_friction(estimate, completed, model)
     ours = verification.our_torque(estimate, completed, states, kind.held, friction)
     model = model if friction is None else friction.put_into(model)
@@ -259,7 +265,7 @@ def write_model(estimate: EstimateLike, path: str | Path, to: str) -> ExportedFi
         f"dynid {made.versions.get('dynid', '')}, estimator {estimate.estimator}, "
         f"{estimate.samples} samples, identified {made.created}."
     ]
-    if any(estimate.model.friction.presliding):
+    if kind.held is not None and model.presliding is not None:
         said = "Its presliding needs the past: friction here is that of joints that slide."
         remarks.append(said)
     remarks += [f"Standard parameters: {model.origin}.", *stand_in_words(friction)]
