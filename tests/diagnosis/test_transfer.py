@@ -33,10 +33,13 @@ def test_a_gain_shows_as_gravity_and_inertia(estimate: Estimate) -> None:
     assert set(json.loads(json.dumps(result.to_json()))["transfer"]) >= set(CAUSES)
 
 
-def test_guessed_links_that_are_far_off_cost_nothing(tmp_path: Path) -> None:
+@pytest.mark.parametrize("known", [0, 2])
+def test_guessed_links_that_are_far_off_cost_nothing(tmp_path: Path, known: int) -> None:
     """Delays of 22 and 48 ms made up for them, and another part was predicted ten times worse."""
     robot = arm(tmp_path)
-    unpublished = replace(robot, inertias=np.full_like(robot.inertias, np.nan))
+    inertias = robot.inertias.copy()
+    inertias[known:] = np.nan
+    unpublished = replace(robot, inertias=inertias)
     record = recording(Wrong(carried=2.0, seconds=24.0))
     settings = IdentifySettings(stop_s=8.0)
     result = identify(record, unpublished, settings, validation=record, validation_start_s=10.0)

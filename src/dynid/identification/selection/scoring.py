@@ -162,7 +162,8 @@ class ScoreSearch:
         )
         known = published_prior(self.base)
         self.prior = gram.Shrinkage(mean=known.mean, precision=known.precision)
-        self.plain_prior = PRIOR_OF_PLAIN if known.published else PRIOR_OF_GUESS
+        guessed = not (np.nan_to_num(robot.inertias)[:, 0] > 0).all()
+        self.plain_prior = PRIOR_OF_GUESS if guessed else PRIOR_OF_PLAIN
         self.regions: Regions = find_regions([r.q for r in recordings], robot.prismatic)
         self._cache: tuple[ProcessingSettings, CandidateBlocks] | None = None
         self._load: tuple[ProcessingSettings, Array] | None = None
