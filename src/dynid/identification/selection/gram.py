@@ -9,13 +9,14 @@ a recording is: blocks of parts of a recording add up.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from dynid.core import Array, Indices, Mask
+from dynid.core import Array, Indices, Mask, read_only
 
 HELD = 1e12
 """Stiffness that holds an unknown of unit columns at zero."""
@@ -33,6 +34,21 @@ class GramBlocks:
     """(n, C, m, m) of the m rows' products: columns first, then candidate torques."""
     rows: Array
     """(n, C) number of rows."""
+    _last: dict[int, tuple[Indices, Array]] = field(
+        default_factory=dict[int, tuple[Indices, Array]], init=False, repr=False, compare=False
+    )
+
+    def square(self, joint: int, columns: Indices) -> Array:
+        """(C, k, k) products of some columns of a joint (k).
+
+        Kept until other columns are requested: a search changes one joint at a time (with `_runs` a
+        quarter of the CPU of `identify`: 3.7 s, 5.1 s without them).
+        """
+        known = self._last.get(joint)
+        if known is None or not np.array_equal(known[0], columns):
+            found = read_only(self.products[joint][:, columns[:, None], columns])
+            self._last[joint] = known = (columns, found)
+        return known[1]
 
     def __add__(self, other: GramBlocks) -> GramBlocks:
         return GramBlocks(products=self.products + other.products, rows=self.rows + other.rows)
@@ -123,7 +139,7 @@ class NormalEquations:
         self._sums: list[tuple[Indices, Array, Array, Array]] = []
         for j, pick in enumerate(picks):
             there, products = pick.columns, blocks.products[j]
-            square = products[:, there[:, None], there]
+            square = blocks.square(j, there)
             cross = products[:, there, pick.torque]
             self._sums.append((pick.unknowns, square, cross, products[:, pick.torque, pick.torque]))
 
@@ -132,7 +148,9 @@ class NormalEquations:
         """(C, s, s) weighted products of the columns."""
         matrix = np.zeros((self._cells, self._size, self._size))
         for (here, square, *_), weight in zip(self._sums, self._weights, strict=True):
-            matrix[:, here[:, None], here] += weight**2 * square
+            weighted, runs = weight**2 * square, _runs(here)
+            for (down, from_down), (across, from_across) in itertools.product(runs, runs):
+                matrix[:, down, across] += weighted[:, from_down, from_across]
         return matrix
 
     @cached_property
@@ -151,6 +169,16 @@ class NormalEquations:
             inner = (square @ own[..., None])[..., 0] - 2.0 * cross
             found.append(energy + (inner * own).sum(axis=1))
         return np.maximum(np.array(found), 0.0)
+
+
+def _runs(unknowns: Indices) -> list[tuple[slice, slice]]:
+    """Runs of consecutive unknowns, and where they stand: slices are faster than indices."""
+    ends = [0, *(np.flatnonzero(np.diff(unknowns) != 1) + 1).tolist(), len(unknowns)]
+    first = [int(unknowns[start]) for start in ends[:-1]]
+    return [
+        (slice(u, u + end - start), slice(start, end))
+        for u, (start, end) in zip(first, itertools.pairwise(ends), strict=True)
+    ]
 
 
 def solutions(
