@@ -35,7 +35,7 @@ def test_a_gain_shows_as_gravity_and_inertia(estimate: Estimate) -> None:
 
 @pytest.mark.parametrize("known", [0, 2])
 def test_guessed_links_that_are_far_off_cost_nothing(tmp_path: Path, known: int) -> None:
-    """Delays of 22 and 48 ms made up for them, and another part was predicted ten times worse."""
+    """Delays of 22 and 48 ms compensated for them; another part was predicted ten times worse."""
     robot = arm(tmp_path)
     inertias = robot.inertias.copy()
     inertias[known:] = np.nan

@@ -9,7 +9,7 @@ from dynid.core import Array, Finding
 from dynid.diagnosis.events import Contact, clock_scale, ripple, rows_of, untouched
 from dynid.diagnosis.explain import Explained, Explanation, explain
 from dynid.diagnosis.hypotheses import LEAST_DELAY_S
-from dynid.diagnosis.residual import ROWS, Recording, inertial_prior, published, reference
+from dynid.diagnosis.residual import ROWS, Recording, inertial_prior, reference
 from dynid.recording import ExperimentRecord, at_limit
 from dynid.robot import RobotModel
 from dynid.signals import ProcessingSettings, Samples, process
@@ -167,7 +167,7 @@ def _torque_scale(recording: Recording, prior: tuple[Array, Array]) -> float:
     So far from the prior the search below, which is one of small faults, finds other ones.
     """
     robot = recording.robot
-    if not published(robot).all():
+    if not robot.published.all():
         return 1.0
     ref = reference(recording, prior)
     bodies = np.tensordot(prior[0], ref.columns[: len(prior[0])], axes=1)

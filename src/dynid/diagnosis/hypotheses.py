@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array
-from dynid.diagnosis.residual import BLOCKS, LEAST_ERROR, Fits, Recording, Reference, published
+from dynid.diagnosis.residual import BLOCKS, LEAST_ERROR, Fits, Recording, Reference
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import RobotModel, from_pseudo_inertia
 
@@ -145,8 +145,7 @@ def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hy
         undo=lambda r, x: replace(r, tau=_shifted(r, float(x[0]), every)),
     )  # fmt: skip
     # Where nothing is published, nothing tells gains and payloads from the links themselves.
-    known = published(rec.robot)
-    if known.any():
+    if rec.robot.published.any():
         yield Hypothesis(
             kind="gain_all", joints=(), unit="1", width=np.array([0.5]), least=0.1,
             columns=torques.columns(torques.here),
@@ -165,7 +164,7 @@ def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hy
             columns=torques.columns(*(torques.slope(1e-3, x) for x in leaning)),
             undo=lambda r, x: replace(r, robot=_tilted(r.robot, x)),
         )  # fmt: skip
-    if known[-1]:
+    if rec.robot.published[-1]:
         yield _payload(ref, values)
     friction = ref.columns[10 * n :].copy()
     friction[n : 2 * n] = 0.0  # motor inertia
@@ -327,13 +326,13 @@ def _eliminated(found: Fits) -> tuple[Array, Array, Array]:
     return left[:, :-1], left[:, -1], solved
 
 
-def score(found: Fits, rival: Hypothesis, own: Fits) -> Scored:
+def score(found: Fits, rival: Hypothesis, alone: Fits) -> Scored:
     """Score a rival against the reference.
 
     Args:
         found: Sums of the reference's columns, then the rival's.
         rival: The rival.
-        own: Sums of the reference alone, which had its own spread of inertias.
+        alone: Those of the reference without it, with the spread of inertias that it has then.
     """
     p, m = found.own, len(rival.columns)
     normal, vector, solved = _eliminated(found)
@@ -348,9 +347,9 @@ def score(found: Fits, rival: Hypothesis, own: Fits) -> Scored:
     widened = np.zeros((p + m, p + m))
     widened[:p, :p], widened[p:, p:] = found.precision, prior
     mean = np.append(found.mean, np.zeros(m))
-    precision, links = found.precision.copy(), len(own.inertial)
-    precision[:links, :links] = own.precision[:links, :links]
-    without = replace(found, precision=precision, wide=own.wide)
+    precision, links = found.precision.copy(), len(alone.inertial)
+    precision[:links, :links] = alone.precision[:links, :links]
+    without = replace(found, precision=precision, widening=alone.widening)
     before, _ = left_out(without)
     after, each = left_out(replace(found, own=p + m, mean=mean, precision=widened))
     away = each[:, p:] - each[:, p:].mean(axis=0)

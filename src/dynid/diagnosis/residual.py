@@ -98,11 +98,6 @@ class Recording:
         return replace(self, apart=apart | rows[:, None])
 
 
-def published(robot: RobotModel) -> Mask:
-    """(n) whether mass and centre of each link are published."""
-    return np.isfinite(robot.inertias[:, :4]).all(axis=1) & (robot.inertias[:, 0] > 0)
-
-
 def inertial_prior(robot: RobotModel) -> tuple[Array, Array]:
     """(10 n) inertial parameters and (10 n, 10 n) their covariance, from what is published.
 
@@ -115,7 +110,7 @@ def inertial_prior(robot: RobotModel) -> tuple[Array, Array]:
     n = robot.joints
     steps = np.concatenate([robot.placements[1:, :3, 3], robot.flange[None, :3, 3]])
     longest = float(np.linalg.norm(steps, axis=1).max()) or UNKNOWN_LENGTH_M
-    known = published(robot)
+    known = robot.published
     if not (known[-1] or robot.flange[:3, 3].any()):
         flange = np.array(robot.flange)
         flange[0, 3] = longest
@@ -207,9 +202,9 @@ not grow with speed: they stand first."""
 def _parts(rec: Recording, inertial: Array) -> Iterator[tuple[slice, Array]]:
     """Columns (p, n, T) of parts of a recording, nothing averaged."""
     model, n = rec.model, rec.robot.joints
-    # What rubs: each joint, and each motor that several joints turn.
+    # Friction is that of each joint, and of each motor that several joints turn.
     turns = np.concatenate([np.eye(n), motor_turns(rec.robot)])
-    joints, rubbing = [*range(n), *coupled_motors(rec.robot)], len(turns)
+    joints, count = [*range(n), *coupled_motors(rec.robot)], len(turns)
     turned = turns @ rec.q.T
     fast = np.maximum(np.percentile(np.abs(turns @ rec.dq.T), 98, axis=1), 1e-6)[:, None]
     travel = np.maximum(np.ptp(turned, axis=1), 1e-6)
@@ -227,11 +222,11 @@ def _parts(rec: Recording, inertial: Array) -> Iterator[tuple[slice, Array]]:
             *(np.tanh(dq / (w * fast)) for w in WIDTHS),
             near, far, near * slow, load * near, np.ones_like(load), dq * speed,
         )  # fmt: skip
-        stack = np.empty((len(inner) + SHAPES * rubbing, n, dq.shape[1]))
+        stack = np.empty((len(inner) + SHAPES * count, n, dq.shape[1]))
         stack[: len(inner)] = inner
         for k, shape in enumerate(shapes):
-            first_row = len(inner) + k * rubbing
-            stack[first_row : first_row + rubbing] = turns[:, :, None] * shape[:, None]
+            row = len(inner) + k * count
+            stack[row : row + count] = turns[:, :, None] * shape[:, None]
         yield part, stack
 
 
@@ -300,7 +295,7 @@ class Fits:
     """(10 n, 10 n) prior precision of the inertial parameters, as published."""
     seen: Array
     """(n) parameters of each link that the recording tells more about than the prior."""
-    wide: float
+    widening: float
     """Square of the spread of inertias in `precision` over the published one."""
     own: int
     """p, columns of the reference."""
@@ -319,7 +314,7 @@ class Fits:
     def penalty(self, values: Array) -> float:
         """How unlikely parameters (p) are before anything was measured [nats]."""
         away = values - self.mean
-        spread = (FREEDOM + float(self.seen.sum())) * float(np.log(self.wide))
+        spread = (FREEDOM + float(self.seen.sum())) * float(np.log(self.widening))
         return 0.5 * (float(away @ self.precision @ away) + spread)
 
 
@@ -369,7 +364,7 @@ def fits(ref: Reference) -> tuple[Fits, Array]:
         precision=ref.precision,
         inertial=ref.precision[: 10 * n, : 10 * n],
         seen=np.zeros(n),
-        wide=1.0,
+        widening=1.0,
         own=len(ref.columns),
     )
     return settled(ref, found, SWEEPS)
@@ -406,6 +401,6 @@ def settled(ref: Reference, found: Fits, sweeps: int) -> tuple[Fits, Array]:
         precision[shapes, shapes] = widest / np.clip(square * widest, NARROWEST**2, 1.0)
         found = replace(
             found, weights=1 / (variance * length), counts=found.rows / length,
-            precision=precision, wide=wide,
+            precision=precision, widening=wide,
         )  # fmt: skip
     return found, values

@@ -151,7 +151,7 @@ def deviations(robot: RobotModel, frames: str) -> Array:
     for i, row in enumerate(given):
         published, mass, centre = robot.inertias[i], row[0], row[1:4] / row[0]
         pseudo = to_pseudo_inertia(row)
-        if not (published[0] > 0 and np.isfinite(published[:4]).all()):
+        if not robot.published[i]:
             body = np.linalg.cholesky(pseudo)
             moves = COMPLETED * (body @ _ORTHONORMAL @ body.T)
         else:

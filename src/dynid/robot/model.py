@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, MotionBounds, RobotError, freeze, frozen
+from dynid.core import Array, Mask, MotionBounds, RobotError, freeze, frozen
 from dynid.robot.body import Body
 
 
@@ -313,6 +313,11 @@ class RobotModel:
     def prismatic(self) -> tuple[bool, ...]:
         """For each joint, whether it slides."""
         return tuple(kind == "prismatic" for kind in self.joint_types)
+
+    @property
+    def published(self) -> Mask:
+        """(n) whether mass and centre of mass of each link are published."""
+        return np.isfinite(self.inertias[:, :4]).all(axis=1) & (self.inertias[:, 0] > 0)
 
 
 def with_tool(

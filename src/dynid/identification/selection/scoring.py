@@ -47,7 +47,7 @@ GAIN_OF_SHAPE = 0.01
 LEAST_GAIN = 1e-3
 PRIOR_OF_PLAIN, PRIOR_OF_GUESS = 1e-3, 1e-6
 """Weight of the published inertias until one is chosen, and of bodies that were guessed: these
-may be wrong by many times their spread, and delays would make up for it."""
+may be wrong by many times their spread, and delays would compensate for it."""
 PASSES = 3
 
 
@@ -162,8 +162,7 @@ class ScoreSearch:
         )
         known = published_prior(self.base)
         self.prior = gram.Shrinkage(mean=known.mean, precision=known.precision)
-        guessed = not (np.nan_to_num(robot.inertias)[:, 0] > 0).all()
-        self.plain_prior = PRIOR_OF_GUESS if guessed else PRIOR_OF_PLAIN
+        self.plain_prior = PRIOR_OF_PLAIN if robot.published.all() else PRIOR_OF_GUESS
         self.regions: Regions = find_regions([r.q for r in recordings], robot.prismatic)
         self._cache: tuple[ProcessingSettings, CandidateBlocks] | None = None
         self._load: tuple[ProcessingSettings, Array] | None = None
