@@ -48,6 +48,18 @@ def test_guessed_links_that_are_far_off_cost_nothing(tmp_path: Path, known: int)
     assert (result.validation.metrics.rmse < 1.1 * NOISE).all()
 
 
+@pytest.mark.parametrize("estimator", ["bayes", "sdp"])
+def test_a_guessed_last_link_has_a_lever(tmp_path: Path, estimator: str) -> None:
+    """A URDF ends at its last joint: 2 kg there gave 9.4 and 2.2 times the noise."""
+    robot = arm(tmp_path)
+    unpublished = replace(robot, inertias=np.full_like(robot.inertias, np.nan))
+    record = recording(Wrong(carried=2.0, seconds=24.0))
+    settings = IdentifySettings(preset="paper", estimator=estimator, stop_s=8.0)
+    result = identify(record, unpublished, settings, validation=record, validation_start_s=10.0)
+    assert result.validation is not None
+    assert (result.validation.metrics.rmse < 1.1 * NOISE).all()
+
+
 def test_other_friction_is_refitted_and_inertias_stay(estimate: Estimate) -> None:
     other = recording(Wrong(load_friction=0.15, seed=9))
     before = validate(estimate, other)

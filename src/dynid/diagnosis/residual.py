@@ -103,26 +103,19 @@ def inertial_prior(robot: RobotModel) -> tuple[Array, Array]:
 
     Bodies are drawn about the published ones, so that the covariance knows that a heavier link
     has larger moments. Where a mass is unpublished, they are drawn about a uniform rod along the
-    link whose mass is unknown: its centre is still beside the link, not anywhere. A last link
-    that ends at its joint in the robot file is as long as the longest, or `UNKNOWN_LENGTH_M`
-    where no link has a length: gravity needs a lever.
+    link whose mass is unknown: its centre is still beside the link, not anywhere.
     """
     n = robot.joints
     steps = np.concatenate([robot.placements[1:, :3, 3], robot.flange[None, :3, 3]])
     longest = float(np.linalg.norm(steps, axis=1).max()) or UNKNOWN_LENGTH_M
-    known = robot.published
-    if not (known[-1] or robot.flange[:3, 3].any()):
-        flange = np.array(robot.flange)
-        flange[0, 3] = longest
-        robot = replace(robot, flange=flange)
     draw = np.random.default_rng(0)
     mean, covariance = np.zeros(10 * n), np.zeros((10 * n, 10 * n))
     frames = robot.parameter_frames[robot.default_frames]
     guessed = completed_inertias(robot, robot.default_frames).parameters
-    usual = float(np.where(known, robot.inertias[:, 0], guessed[:, 0]).mean())
+    usual = float(guessed[:, 0].mean())
     for k in range(n):
         part, place = slice(10 * k, 10 * k + 10), inverse(frames[k])
-        if known[k]:
+        if robot.published[k]:
             tensor = UNKNOWN_TENSOR if np.isnan(robot.inertias[k]).any() else TENSOR_SPREAD
             row, spreads = prior_link(robot, k), (MASS_SPREAD, CENTRE_SPREAD_M, tensor)
             thick = BALL_M / np.sqrt(5)

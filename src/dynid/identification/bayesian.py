@@ -40,6 +40,18 @@ class InertialPrior:
         freeze(self, "prior", parameters=(None, 10))
 
 
+def link_ends(robot: RobotModel) -> Array:
+    """(n, 3) each link's next joint, or flange, in the frame of its own joint [m].
+
+    An unpublished last link that ends at its joint in the robot file is as long as the longest:
+    gravity needs a lever.
+    """
+    ends = np.vstack([robot.placements[1:, :3, 3], robot.flange[:3, 3]])
+    if not (robot.published[-1] or ends[-1].any()):
+        ends[-1, 0] = np.linalg.norm(ends, axis=1).max() or UNKNOWN_REACH_M
+    return ends
+
+
 def inertial_prior(robot: RobotModel, frames: str) -> InertialPrior:
     """The published inertias of a robot; missing ones are those of uniform bodies.
 
@@ -47,8 +59,8 @@ def inertial_prior(robot: RobotModel, frames: str) -> InertialPrior:
     arm's reach; one without a centre has it half way; one without a mass gets that rod's volume
     at `DENSITY`. A published tensor that no body can have is rounded to one that can.
     """
-    ends = [*robot.placements[1:, :3, 3], robot.flange[:3, 3]]
-    reach = float(sum(np.linalg.norm(end) for end in ends)) or UNKNOWN_REACH_M
+    ends = link_ends(robot)
+    reach = float(np.linalg.norm(ends, axis=1).sum()) or UNKNOWN_REACH_M
     thick = THICKNESS * max(reach, 1e-3)
     inverses = np.asarray(np.linalg.inv(robot.parameter_frames[frames]), dtype=np.float64)
     rows: list[Array] = []

@@ -6,7 +6,13 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, JobError, require, scipy_part, upper_triangle
-from dynid.identification.bayesian import NOT_NEGATIVE, InertialPrior, metric_moves, symbol_of
+from dynid.identification.bayesian import (
+    NOT_NEGATIVE,
+    InertialPrior,
+    link_ends,
+    metric_moves,
+    symbol_of,
+)
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import PSEUDO_INERTIA_BASIS, frame_map, to_pseudo_inertia
@@ -106,8 +112,8 @@ def body_constraints(model: InverseDynamicModel) -> tuple[Array, Array]:
     of mass lies in the box of its link's joint and the next, wider by `CENTRE_MARGIN`.
     """
     robot, unit = model.robot, np.eye(len(model.columns))
-    ends = [*robot.placements[1:, :3, 3], robot.flange[:3, 3]]
-    margin = CENTRE_MARGIN * float(sum(np.linalg.norm(end) for end in ends))
+    ends = link_ends(robot)
+    margin = CENTRE_MARGIN * float(np.linalg.norm(ends, axis=1).sum())
     rows: list[Array] = []
     floors: list[float] = []
     for i, end in enumerate(ends):
