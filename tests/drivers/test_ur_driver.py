@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +17,7 @@ from gentle_motion import CYCLES, MIDDLE, RATE, ListRecorder, gentle, gentle_exe
 
 from dynid.core import InputError, JobError
 from dynid.drivers import Outcome, ServojDriver, UrDriver, inspect
-from dynid.drivers.ur.driver import SLACK, approach
+from dynid.drivers.ur.driver import APPROACH, SLACK, approach
 from dynid.drivers.ur.link import RtdeLink
 from urtwin import RunningController, controller_process, own_address
 
@@ -205,6 +208,9 @@ class _Control:
     def isProgramRunning(self) -> bool:
         return True
 
+    def kickWatchdog(self) -> bool:
+        return True
+
     def stopJ(self, deceleration: float) -> None:
         self.stopped = True
 
@@ -220,6 +226,29 @@ def test_streaming_starts_after_the_same_way() -> None:
     assert abort is not None
     assert stopped.stopped
     assert len(stopped.moves) == 2
+
+
+APPROACHES = """
+import sys
+from dataclasses import replace
+from gentle_motion import MIDDLE, gentle_execution
+from dynid.drivers import ServojDriver, inspect
+ServojDriver(inspect(sys.argv[1])).execute(replace(gentle_execution(1), via=(MIDDLE + 2.0,)), None)
+"""
+
+
+@pytest.mark.realtime
+def test_the_way_to_the_start_ends_with_the_process() -> None:
+    """It went on to the next way point, with nobody watching."""
+    pytest.importorskip("rtde_control")
+    with controller_process("ur5", host=own_address()) as running, Observer(running.host) as seen:
+        words = [sys.executable, "-c", APPROACHES, running.host]
+        with subprocess.Popen(words, cwd=Path(__file__).parent) as process:
+            seen.wait_for(lambda row: abs(seen.number(row, "target_qd")) > 0.9 * APPROACH)
+            process.kill()
+        seen.wait_for(lambda row: abs(seen.number(row, "target_qd")) < STILL)
+        q = seen.column("target_q")
+        assert np.abs(q[-1] - (MIDDLE + 2.0)).max() > 0.5
 
 
 @pytest.mark.realtime

@@ -214,10 +214,10 @@ class ServojDriver(RtdeDriver):
             return Outcome(samples=0, periods=0, gaps=0, abort=INTERRUPTED)
         control = self._control(self.state.host)
         try:
+            control.setWatchdog(WATCHDOG_HZ)
             abort = approach(control, poses, cancel)
             if abort is not None:
                 return Outcome(samples=0, periods=0, gaps=0, abort=abort)
-            control.setWatchdog(WATCHDOG_HZ)
             outcome = record(lambda _, feed, __: _Stream(control, feed, execution))
             if outcome.abort is None:
                 control.servoStop()
@@ -268,6 +268,8 @@ class _Stream:
 def approach(control: Any, poses: Sequence[Array], cancel: threading.Event) -> Abort | None:
     """Move from pose to pose, each (n) [rad], resting at each, with ur_rtde's `control`.
 
+    Its watchdog is kicked: the arm stops with this process, not at the next pose.
+
     Returns:
         Why that was ended early; None if it was not.
     """
@@ -277,6 +279,6 @@ def approach(control: Any, poses: Sequence[Array], cancel: threading.Event) -> A
             if cancel.wait(_LOOK_S):
                 control.stopJ(STOP_DECELERATION)
                 return INTERRUPTED
-            if not control.isProgramRunning():
+            if not (control.kickWatchdog() and control.isProgramRunning()):
                 return Abort("program", "the program of ur_rtde ended on the way to the start")
     return None
