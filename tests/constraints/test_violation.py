@@ -133,6 +133,14 @@ def test_tightening_shrinks_every_limit() -> None:
     assert judge.violation(at, speed, at, tighten=0.05)[0] > 0
 
 
+def test_caution_asks_for_more_room_than_the_limit() -> None:
+    judge = only(load_robot("ur5"), "environment")
+    q, rest = 0.3 * random_states(6, 60, 3)[0], np.zeros((60, 6))
+    less, more = (judge.violation(q, rest, rest, caution=by)[0] for by in (0.0, 0.02))
+    assert 0 < less < more
+    assert judge.violation(q, rest, rest, caution=-0.02)[0] < less
+
+
 def test_what_is_unknown_does_not_bind_and_is_null() -> None:
     robot = random_arm(3, 0)
     bare = replace(
