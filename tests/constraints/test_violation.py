@@ -133,6 +133,23 @@ def test_tightening_shrinks_every_limit() -> None:
     assert judge.violation(at, speed, at, tighten=0.05)[0] > 0
 
 
+def test_a_range_that_is_not_about_zero_ends_where_it_says() -> None:
+    bounds = usable_bounds(load_robot("ur5").limits, 10.0)
+    lower, upper = np.array([0.2, -3, -1, 1, -2, 0.5]), np.array([2.0, -1, 0, 3, 0, 0.6])
+    settings = ConstraintSettings(
+        bounds=replace(bounds, lower=lower, upper=upper), torque=False, self_collision=False
+    )
+    judge, rest = MotionConstraints(load_robot("ur5"), settings), np.zeros((1, 6))
+    for q in (lower + 0.01, upper - 0.01):
+        assert judge.usage(q[None], rest, rest).feasible
+        assert judge.violation(q[None], rest, rest)[0] == 0
+    for j, (end, by) in enumerate([(lower, -0.01), (upper, 0.01)] * 3):
+        q = (lower + upper) / 2
+        q[j] = end[j] + by
+        assert not judge.usage(q[None], rest, rest).feasible
+        assert judge.violation(q[None], rest, rest)[0] > 0
+
+
 def test_caution_asks_for_more_room_than_the_limit() -> None:
     judge = only(load_robot("ur5"), "environment")
     q, rest = 0.3 * random_states(6, 60, 3)[0], np.zeros((60, 6))
