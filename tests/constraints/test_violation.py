@@ -6,7 +6,7 @@ from chains_for_constraints import random_arm, random_states
 
 from dynid.constraints import ConstraintSettings, MotionConstraints, Scene, scene_from_json
 from dynid.core import JsonFields
-from dynid.robot import RobotModel, load_robot
+from dynid.robot import Counterbalance, RobotModel, load_robot
 from dynid.trajectory import usable_bounds
 
 GRADIENT_WITHIN = 1e-6
@@ -41,9 +41,20 @@ def everything(robot: RobotModel, scene: Scene | None = SCENE) -> MotionConstrai
     return MotionConstraints(robot, settings)
 
 
+CYLINDER = Counterbalance(
+    joint=0,
+    outer=0.6,
+    inner=0.2,
+    rest_length=0.4,
+    offset=0.3,
+    piston_area=1e-3,
+    gas_work=100.0,
+    gas_volume=2e-3,
+)
 ONLY = {
     "bounds": {},
     "torque": {"torque": True},
+    "torque beside a cylinder": {"torque": True},
     "power": {"power": True},
     "tcp_speed": {"tcp_speed": True},
     "elbow_speed": {"elbow_speed": True},
@@ -64,7 +75,10 @@ def only(robot: RobotModel, kind: str) -> MotionConstraints:
 @pytest.mark.parametrize("kind", ONLY)
 @pytest.mark.parametrize(("joints", "seed"), [(2, 0), (4, 1), (6, 2), (7, 3)])
 def test_derivatives_equal_central_differences(kind: str, joints: int, seed: int) -> None:
-    judge = only(random_arm(joints, seed), kind)
+    arm = random_arm(joints, seed)
+    if kind == "torque beside a cylinder":
+        arm = replace(arm, counterbalances=(CYLINDER,))
+    judge = only(arm, kind)
     state = random_states(joints, 25, seed)
     if kind != "bounds":  # inside the bounds, or they would drown the rest
         state = tuple(part * 0.85 for part in state)
