@@ -51,6 +51,10 @@ class Wrong:
     """Mass on the last link [kg]."""
     exchanged: bool = False
     """Columns of the second and third joint."""
+    coupled: float = 0.0
+    """Turns of the third motor per turn of the second joint."""
+    side: str = "friction"
+    """What is told of coupled motors: joint values (`friction`), their `torques`, or `motors`."""
     seconds: float = 12.0
     seed: int = 0
 
@@ -104,9 +108,16 @@ def recording(wrong: Wrong) -> ExperimentRecord:
         frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         link[k] += pin.getJointJacobian(model, data, 3, frame).T @ push
     viscous = VISCOUS * (1 - wrong.warming * t[:, None] / t[-1])
-    friction = (COULOMB + wrong.load_friction * np.abs(link)) * np.tanh(dq / 0.001) + viscous * dq
+    turns = np.eye(3)
+    turns[2, 1] = wrong.coupled
+    motor, turned = link @ np.linalg.inv(turns), dq @ turns.T
+    motor += (COULOMB + wrong.load_friction * np.abs(motor)) * np.tanh(turned / 0.001)
+    motor += viscous * turned
+    torque = motor @ turns if wrong.side == "friction" else motor
+    if wrong.side == "motors":
+        q = q @ turns.T
     noise = NOISE * np.random.default_rng(wrong.seed).normal(size=q.shape)
-    torque = (link + friction + noise) * np.array(wrong.scales)
+    torque = (torque + noise) * np.array(wrong.scales)
     torque = np.roll(torque, wrong.late, axis=0)
     if wrong.exchanged:
         q, torque = q[:, [0, 2, 1]], torque[:, [0, 2, 1]]

@@ -5,7 +5,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, scipy_part
-from dynid.diagnosis.hypotheses import Hypothesis, Scored, drops, hypotheses, left_out, score
+from dynid.diagnosis.hypotheses import (
+    COUPLED,
+    Hypothesis,
+    Scored,
+    drops,
+    hypotheses,
+    left_out,
+    score,
+)
 from dynid.diagnosis.residual import (
     BLOCKS,
     Fits,
@@ -240,6 +248,13 @@ def _same(found: Explanation, now: Hypothesis) -> bool:
     return (found.kind, found.joints) == (now.kind, now.joints)
 
 
+def _coupled_otherwise(found: Explanation, now: Hypothesis) -> bool:
+    """Whether motors that were found coupled are to be coupled in another way as well."""
+    return (
+        found.kind != now.kind and found.joints == now.joints and {found.kind, now.kind} <= COUPLED
+    )
+
+
 def _fitted(
     recording: Recording,
     prior: tuple[Array, Array],
@@ -259,6 +274,8 @@ def _fitted(
 
 def _admitted(scored: Scored, found: list[Explanation]) -> bool:
     known, size = scored.hypothesis, abs(scored.value)
+    if any(_coupled_otherwise(item, known) for item in found):
+        return False
     # A size that was found before may be corrected downwards.
     physical = scored.value > known.lowest or any(_same(item, known) for item in found)
     # Several sizes: one of them is large by chance more often.

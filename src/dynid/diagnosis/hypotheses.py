@@ -28,6 +28,9 @@ WIDENINGS = 3
 LEAST_ARM_M = 0.02
 """Shorter offsets between joints have no length that could be wrong."""
 
+COUPLED = frozenset({"coupled_friction", "coupled_torques", "coupled_motors"})
+"""Kinds of a motor that turns with two joints: joint values; motor torques; motor positions too."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hypothesis:
@@ -133,6 +136,9 @@ def hypotheses(ref: Reference, values: Array) -> list[Hypothesis]:
     found = list(_of_the_arm(ref, values, torques))
     for j in range(torques.joints):
         found += _of_a_joint(torques, j)
+    total = np.tensordot(values, ref.columns, axes=1)
+    for m in range(1, torques.joints):
+        found += _of_a_coupling(torques, total, m)
     return found
 
 
@@ -252,6 +258,53 @@ def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
         kind="spring", joints=(j,), unit="N" if slides else "N.m", width=np.full(3, size),
         least=0.02 * size, columns=torques.columns(shapes[0], shapes[1], shapes[2]),
     )  # fmt: skip
+
+
+def _of_a_coupling(torques: _Torques, total: Array, m: int) -> Iterator[Hypothesis]:
+    """Motor m that turns with the joint before it as well; `total` (n, T) are all torques."""
+    rec, j = torques.rec, m - 1
+    if rec.robot.prismatic[m] or rec.robot.prismatic[j]:
+        return
+    inverse_turns: Array = np.asarray(np.linalg.inv(_turns(rec.robot)), dtype=np.float64)
+    bodies = torques.parameters.copy()
+    bodies[10 * torques.joints :] = 0.0
+    rigid = torques.at(parameters=bodies)
+    motor = inverse_turns[:, m] @ rec.average(rigid.T)
+    friction, measured = np.zeros((2, 1, *total.shape))
+    friction[0, j] = inverse_turns[:, m] @ total - motor
+    measured[0, j] = -motor
+    by = -1e-3 * inverse_turns[:, m] * np.array([rec.q, rec.dq, rec.ddq])[:, :, j, None]
+    moved = torques.columns((torques.at(by=by, parameters=bodies) - rigid) / 1e-3)
+    moved[0, j] -= motor
+    for kind, column in (
+        ("coupled_friction", friction), ("coupled_torques", measured), ("coupled_motors", moved),
+    ):  # fmt: skip
+        yield Hypothesis(
+            kind=kind, joints=(j, m), unit="1", width=np.array([0.5]), least=0.05, columns=column,
+            undo=lambda r, x, kind=kind: _coupled(r, kind, j, m, float(x[0])),
+        )  # fmt: skip
+
+
+def _turns(robot: RobotModel) -> Array:
+    """(n, n) turns of the motors per turn of the joints, their own joint's being 1."""
+    if robot.drives.coupling is None:
+        return np.eye(robot.joints)
+    return robot.drives.coupling / np.diag(robot.drives.coupling)[:, None]
+
+
+def _coupled(rec: Recording, kind: str, j: int, m: int, by: float) -> Recording:
+    """The recording of a robot whose motor m turns `by` more with joint j."""
+    before = _turns(rec.robot)
+    after = before.copy()
+    after[m, j] += by
+    drives = replace(rec.robot.drives, coupling=after)
+    rec = replace(rec, robot=replace(rec.robot, drives=drives))
+    if kind != "coupled_friction":
+        rec = replace(rec, tau=np.linalg.solve(before.T, rec.tau.T).T @ after)
+    if kind == "coupled_motors":
+        back = np.linalg.solve(after, before).T
+        rec = replace(rec, q=rec.q @ back, dq=rec.dq @ back, ddq=rec.ddq @ back)
+    return rec
 
 
 def _scaled(tau: Array, j: int, factor: float) -> Array:
