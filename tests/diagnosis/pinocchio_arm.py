@@ -49,6 +49,8 @@ class Wrong:
     """Rows by which torques are stamped too late."""
     carried: float = 0.0
     """Mass on the last link [kg]."""
+    carried_from: float = 0.0
+    """When it is taken up [s]."""
     exchanged: bool = False
     """Columns of the second and third joint."""
     coupled: float = 0.0
@@ -93,15 +95,17 @@ def motion(seconds: float = SECONDS) -> tuple[Array, Array, Array, Array]:
 def recording(wrong: Wrong) -> ExperimentRecord:
     t, q, dq, ddq = motion(wrong.seconds)
     model = pin.buildModelFromXML(urdf())
-    if wrong.carried:
-        body = pin.Inertia(wrong.carried, np.array([0.25, 0.02, 0.0]), 0.002 * np.eye(3))
-        model.appendBodyToJoint(3, body, pin.SE3.Identity())
     lean = np.radians(wrong.tilt_deg)
     model.gravity.linear = 9.80665 * np.array(
         [0.6 * np.sin(lean), 0.8 * np.sin(lean), -np.cos(lean)]
     )
     data = model.createData()
     link = np.array([pin.rnea(model, data, *state) for state in zip(q, dq, ddq, strict=True)])
+    if wrong.carried:
+        body = pin.Inertia(wrong.carried, np.array([0.25, 0.02, 0.0]), 0.002 * np.eye(3))
+        model.appendBodyToJoint(3, body, pin.SE3.Identity())
+        for k in np.flatnonzero(t >= wrong.carried_from):
+            link[k] = pin.rnea(model, data, q[k], dq[k], ddq[k])
     push = np.array([0.0, wrong.push, wrong.push, 0.0, 0.0, 0.0])
     for k in np.flatnonzero((t > 6.0) & (t < wrong.push_stop)):
         pin.computeJointJacobians(model, data, q[k])

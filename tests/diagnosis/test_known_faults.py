@@ -69,6 +69,18 @@ def test_a_wrong_gain_is_measured(tmp_path: Path, joint: int, factor: float) -> 
     assert found.value == pytest.approx(factor, abs=SIGMAS * (found.std or 0.0))
 
 
+@pytest.mark.parametrize(("mass", "since"), [(1.0, 4.0), (0.4, 8.0)])
+def test_a_payload_that_is_taken_up_on_the_way_is_named(
+    tmp_path: Path, mass: float, since: float
+) -> None:
+    (found,) = faults(tmp_path, Wrong(carried=mass, carried_from=since))
+    assert (found.kind, found.code) == ("payload_change", "payload")
+    assert found.value == pytest.approx(mass, abs=SIGMAS * (found.std or 0.0))
+    told = re.search(r"at about ([\d.]+) s", found.text)
+    assert told is not None
+    assert float(told[1]) == pytest.approx(since, abs=EARLY_OR_LATE_S)
+
+
 @pytest.mark.parametrize(("side", "turns"), [("friction", -0.5), ("torques", 1.0), ("motors", 1.0)])
 def test_motors_that_the_robot_file_does_not_couple_are_named(
     tmp_path: Path, side: str, turns: float

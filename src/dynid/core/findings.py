@@ -34,6 +34,7 @@ KINDS: Mapping[str, tuple[str, str]] = {
     "another_robot": ("extrapolated", "warning"),
     "gain_all": ("drive_gain", "warning"),
     "torque_scale": ("drive_gain", "warning"),
+    "payload_change": ("payload", "warning"),
     "reversed": ("unit_suspect", "error"),
     "exchanged": ("exchanged_joints", "error"),
     "exchanged_torques": ("exchanged_joints", "error"),

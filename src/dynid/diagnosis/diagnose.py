@@ -62,6 +62,7 @@ _STEPS = {
     "coupled_motors": "give the coupling of their motors in the robot file: {coupling}, "
     'torque_side = "motor", position_side = "motor"',
     "payload": "remove it, or add it to the last link of the robot file",
+    "payload_change": "identify parts with --from and --to, or record with one payload",
     "friction_drift": "move the arm until it is warm, or identify parts with --from and --to",
     "gravity_compensated": "record the whole torque: the controller's gravity has been taken off",
     "reversed": "check the signs of its torque or current and position",
@@ -89,6 +90,7 @@ _FACTS = {
     "coupled_torques": f"{_TURNS}, and torques are those of motors",
     "coupled_motors": f"{_TURNS}, and positions and torques are those of motors",
     "payload": "the last link carries {value:.3g} +- {std:.2g} kg more than published",
+    "payload_change": "the payload changes by {value:+.3g} +- {std:.2g} kg at about {since:.1f} s",
     "friction_drift": "friction changes by {percent:+.0f} +- {percent_std:.0f} % along the record",
     "gravity_compensated": "the torques contain no gravity",
     "reversed": "the torques of {joints} fit only when reversed",
@@ -147,12 +149,15 @@ def diagnose(
 
 
 def _compensated(finding: Finding, delays_s: Sequence[float] | None) -> Finding:
-    """A delay as information where less of it is left than is looked for; others as they are."""
+    """A delay as information where less of it is left than is looked for; others as they are.
+
+    Of all joints, what is left of most counts: a joint may show no delay of its own.
+    """
     if finding.kind != "delay" or finding.value is None or delays_s is None:
         return finding
     left = [abs(finding.value - delays_s[j]) for j in finding.joints or range(len(delays_s))]
-    if max(left) > LEAST_DELAY_S:
-        return finding
+    if np.median(left) > LEAST_DELAY_S:
+        return replace(finding, next_step="shift torques against motion in the file")
     return replace(finding, severity="info", text=f"{finding.text}, compensated", next_step="")
 
 
@@ -232,9 +237,10 @@ def finding_of(item: Explanation, robot: RobotModel, undone: RobotModel) -> Find
     names = "all joints" if every else " and ".join(robot.joint_names[j] for j in item.joints)
     value, std = item.value, item.std
     text = _FACTS[item.kind].format(
-        joints=names, value=value, std=std, unit=item.unit, factor=1 + value, ms=1e3 * value,
-        ms_std=1e3 * std, mm=1e3 * value, mm_std=1e3 * std, deg=np.degrees(value),
-        deg_std=np.degrees(std), percent=100 * value, percent_std=100 * std,
+        joints=names, value=value, std=std, unit=item.unit, since=item.since_s,
+        factor=1 + value, ms=1e3 * value, ms_std=1e3 * std, mm=1e3 * value,
+        mm_std=1e3 * std, deg=np.degrees(value), deg_std=np.degrees(std),
+        percent=100 * value, percent_std=100 * std,
     )  # fmt: skip
     if item.rivals:
         kind, joints = item.rivals[0].kind, item.rivals[0].joints

@@ -71,6 +71,8 @@ class Explanation:
     """Drop of the negative log likelihood [nats]."""
     rivals: tuple["Explanation", ...] = ()
     """Explanations that cannot be told from it, the best first."""
+    since_s: float = 0.0
+    """When it begins, from the record's start [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -294,6 +296,7 @@ def _explanation(best: Scored, others: list[Scored], before: Explanation | None)
             std=s.std,
             unit=s.hypothesis.unit,
             score=s.score,
+            since_s=s.hypothesis.since_s,
         )
         for s in (best, *others)
         if s.score >= EQUAL * best.score

@@ -53,6 +53,8 @@ class Hypothesis:
     """Sizes at or below it are not physical."""
     widest: float = 1.0
     """How far sizes may lie beyond their width without being pulled back."""
+    since_s: float = 0.0
+    """When it begins, from the record's start [s]."""
 
     @property
     def free(self) -> int:
@@ -172,6 +174,7 @@ def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hy
         )  # fmt: skip
     if rec.robot.published[-1]:
         yield _payload(ref, values)
+    yield _payload_change(ref, values)
     friction = ref.columns[10 * n :].copy()
     friction[n : 2 * n] = 0.0  # motor inertia
     total = np.tensordot(values[10 * n :], friction, axes=1)
@@ -182,13 +185,41 @@ def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hy
     )  # fmt: skip
 
 
-def _payload(ref: Reference, values: Array) -> Hypothesis:
+def _at_the_flange(ref: Reference) -> tuple[Array, float]:
+    """(10, n, T) columns of a body there, and the mass that the arm is expected to carry [kg].
+
+    Of a point at the flange; then of what its first and second moments differ by.
+    """
     n = ref.recording.robot.joints
-    # A point at the flange; then what its first and second moments differ by.
     place = np.append(ref.recording.robot.flange[:3, 3], 1.0)
     body = ref.columns[10 * (n - 1) : 10 * n].copy()
     body[0] = np.tensordot(from_pseudo_inertia(np.outer(place, place)), body, axes=1)
-    carried = PAYLOAD * float(ref.mean[: 10 * n : 10].sum())
+    return body, PAYLOAD * float(ref.mean[: 10 * n : 10].sum())
+
+
+def _payload_change(ref: Reference, values: Array) -> Hypothesis:
+    """A body that is carried from the row on from which it explains most."""
+    body, carried = _at_the_flange(ref)
+    width, error = carried * np.array([1.0, *[LEVER_M] * 3]), ref.left(values)
+    own, rows = 1 / np.maximum(np.square(error).mean(axis=1), 1e-12), error.shape[1]
+    square = np.einsum("ajt,bjt,j->tab", body[:4], body[:4], own)[::-1].cumsum(axis=0)[::-1]
+    cross = np.einsum("ajt,jt,j->ta", body[:4], error, own)[::-1].cumsum(axis=0)[::-1]
+    square += np.diag(1 / np.square(width))
+    solved: Array = np.asarray(np.linalg.solve(square, cross[:, :, None]), dtype=np.float64)
+    # A block at least lies on either side.
+    starts = slice(rows // BLOCKS, rows - rows // BLOCKS)
+    first = starts.start + int(np.argmax(np.sum(cross * solved[:, :, 0], axis=1)[starts]))
+    rec = ref.recording
+    return Hypothesis(
+        kind="payload_change", joints=(rec.robot.joints - 1,), unit="kg", width=width,
+        least=0.05 * carried, columns=body[:4] * (np.arange(rows) >= first),
+        widest=MOST_CARRIED, since_s=float(rec.t[first * rec.block]),
+    )  # fmt: skip
+
+
+def _payload(ref: Reference, values: Array) -> Hypothesis:
+    n = ref.recording.robot.joints
+    body, carried = _at_the_flange(ref)
     return Hypothesis(
         kind="payload", joints=(n - 1,), unit="kg", least=0.05 * carried,
         width=carried * np.array([1.0, *[LEVER_M] * 3, *[LEVER_M**2] * 6]),
@@ -448,7 +479,7 @@ def left_out(found: Fits) -> tuple[Array, Array]:
 
 def _one_number(kind: str, values: Array, std: Array) -> tuple[float, float]:
     """Size of an explanation with several sizes, and its standard deviation."""
-    if kind == "payload" or len(values) == 1:
+    if kind.startswith("payload") or len(values) == 1:
         return float(values[0]), float(std[0])
     if kind == "friction_drift":
         weight = 1 / np.square(np.maximum(std, 1e-12))
