@@ -43,7 +43,8 @@ WORTH_A_LOOK, LOOKS = 4.0, 8
 """Drop of the negative log likelihood from which a rival gets its own fit, and how many do."""
 WHOLE_LIKELY, OFFSET_LIKELY = 24.0, 40.0
 """Drop that a signal needs that is reversed or exchanged: there are hundreds to choose from; and
-one that was shifted in time, which short motions without repetition bear better [nats]."""
+one that was shifted in time, which short motions without repetition bear better, and motors that
+are coupled, whose friction may take any shape [nats]."""
 DRIVES, IMPOSSIBLE = -0.2, 48.0
 """Power of friction, over all of a joint, that no friction has, and what it costs a fit [nats]."""
 EQUAL = 0.8
@@ -108,6 +109,8 @@ def explain(
     while True:
         ref, _, values = fitted
         admitted, left = _ranked(fitted, found)
+        while admitted and not _confirmed(fitted, prior, added, admitted[0], found):
+            admitted = admitted[1:]
         if not right and len(found) < MOST and doubtful(ref, values):
             whole = _whole(fitted, prior, added, admitted[:1], offsets and not found)
             if whole is not None:
@@ -241,6 +244,21 @@ def _alone(ref: Reference, rival: Hypothesis, sums: Fits, first: int) -> Scored:
     found, _ = settled(widened, start, ALONE_SWEEPS)
     found = replace(found, own=p, mean=ref.mean, precision=found.precision[:p, :p])
     return score(found, rival, sums)
+
+
+def _confirmed(
+    start: _Fitted,
+    prior: tuple[Array, Array],
+    added: list[Hypothesis],
+    best: Scored,
+    found: list[Explanation],
+) -> bool:
+    """Whether motors explain the recording when they are coupled, not their first order alone."""
+    known = best.hypothesis
+    if known.kind not in COUPLED or known.undo is None or any(_same(e, known) for e in found):
+        return True
+    undone = _fitted(known.undo(start[0].recording, best.values), prior, added)
+    return _drop(start, undone) > OFFSET_LIKELY
 
 
 def _same(found: Explanation, now: Hypothesis) -> bool:

@@ -209,10 +209,11 @@ def _payload_change(ref: Reference, values: Array) -> Hypothesis:
     # A block at least lies on either side.
     starts = slice(rows // BLOCKS, rows - rows // BLOCKS)
     first = starts.start + int(np.argmax(np.sum(cross * solved[:, :, 0], axis=1)[starts]))
-    rec = ref.recording
+    rec, later = ref.recording, np.zeros((4, *error.shape))
+    later[:, :, first:] = body[:4, :, first:]
     return Hypothesis(
         kind="payload_change", joints=(rec.robot.joints - 1,), unit="kg", width=width,
-        least=0.05 * carried, columns=body[:4] * (np.arange(rows) >= first),
+        least=0.05 * carried, columns=later,
         widest=MOST_CARRIED, since_s=float(rec.t[first * rec.block]),
     )  # fmt: skip
 
