@@ -49,8 +49,14 @@ class Wrong:
     """Rows by which torques are stamped too late."""
     carried: float = 0.0
     """Mass on the last link [kg]."""
+    carried_from: float = 0.0
+    """When it is taken up [s]."""
     exchanged: bool = False
     """Columns of the second and third joint."""
+    coupled: float = 0.0
+    """Turns of the third motor per turn of the second joint."""
+    side: str = "friction"
+    """What is told of coupled motors: joint values (`friction`), their `torques`, or `motors`."""
     seconds: float = 12.0
     seed: int = 0
 
@@ -89,24 +95,33 @@ def motion(seconds: float = SECONDS) -> tuple[Array, Array, Array, Array]:
 def recording(wrong: Wrong) -> ExperimentRecord:
     t, q, dq, ddq = motion(wrong.seconds)
     model = pin.buildModelFromXML(urdf())
-    if wrong.carried:
-        body = pin.Inertia(wrong.carried, np.array([0.25, 0.02, 0.0]), 0.002 * np.eye(3))
-        model.appendBodyToJoint(3, body, pin.SE3.Identity())
     lean = np.radians(wrong.tilt_deg)
     model.gravity.linear = 9.80665 * np.array(
         [0.6 * np.sin(lean), 0.8 * np.sin(lean), -np.cos(lean)]
     )
     data = model.createData()
     link = np.array([pin.rnea(model, data, *state) for state in zip(q, dq, ddq, strict=True)])
+    if wrong.carried:
+        body = pin.Inertia(wrong.carried, np.array([0.25, 0.02, 0.0]), 0.002 * np.eye(3))
+        model.appendBodyToJoint(3, body, pin.SE3.Identity())
+        for k in np.flatnonzero(t >= wrong.carried_from):
+            link[k] = pin.rnea(model, data, q[k], dq[k], ddq[k])
     push = np.array([0.0, wrong.push, wrong.push, 0.0, 0.0, 0.0])
     for k in np.flatnonzero((t > 6.0) & (t < wrong.push_stop)):
         pin.computeJointJacobians(model, data, q[k])
         frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         link[k] += pin.getJointJacobian(model, data, 3, frame).T @ push
     viscous = VISCOUS * (1 - wrong.warming * t[:, None] / t[-1])
-    friction = (COULOMB + wrong.load_friction * np.abs(link)) * np.tanh(dq / 0.001) + viscous * dq
+    turns = np.eye(3)
+    turns[2, 1] = wrong.coupled
+    motor, turned = link @ np.linalg.inv(turns), dq @ turns.T
+    motor += (COULOMB + wrong.load_friction * np.abs(motor)) * np.tanh(turned / 0.001)
+    motor += viscous * turned
+    torque = motor @ turns if wrong.side == "friction" else motor
+    if wrong.side == "motors":
+        q = q @ turns.T
     noise = NOISE * np.random.default_rng(wrong.seed).normal(size=q.shape)
-    torque = (link + friction + noise) * np.array(wrong.scales)
+    torque = (torque + noise) * np.array(wrong.scales)
     torque = np.roll(torque, wrong.late, axis=0)
     if wrong.exchanged:
         q, torque = q[:, [0, 2, 1]], torque[:, [0, 2, 1]]

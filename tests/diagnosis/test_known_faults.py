@@ -69,6 +69,36 @@ def test_a_wrong_gain_is_measured(tmp_path: Path, joint: int, factor: float) -> 
     assert found.value == pytest.approx(factor, abs=SIGMAS * (found.std or 0.0))
 
 
+@pytest.mark.parametrize(("mass", "since"), [(1.0, 4.0), (0.4, 8.0)])
+def test_a_payload_that_is_taken_up_on_the_way_is_named(
+    tmp_path: Path, mass: float, since: float
+) -> None:
+    (found,) = faults(tmp_path, Wrong(carried=mass, carried_from=since))
+    assert (found.kind, found.code) == ("payload_change", "payload")
+    assert found.value == pytest.approx(mass, abs=SIGMAS * (found.std or 0.0))
+    told = re.search(r"at about ([\d.]+) s", found.text)
+    assert told is not None
+    assert float(told[1]) == pytest.approx(since, abs=EARLY_OR_LATE_S)
+
+
+@pytest.mark.parametrize(("side", "turns"), [("friction", -0.5), ("torques", 1.0), ("motors", 1.0)])
+def test_motors_that_the_robot_file_does_not_couple_are_named(
+    tmp_path: Path, side: str, turns: float
+) -> None:
+    (found,) = faults(tmp_path, Wrong(coupled=turns, side=side, seconds=24.0))
+    assert (found.kind, found.joints) == (f"coupled_{side}", (1, 2))
+    assert found.value == pytest.approx(turns, abs=SIGMAS * (found.std or 0.0))
+    turned = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, round(found.value or 0.0, 3), 1.0]]
+    assert f"[drives] coupling = {turned}" in found.next_step
+    assert ('torque_side = "motor"' in found.next_step) == (side != "friction")
+    assert ('position_side = "motor"' in found.next_step) == (side == "motors")
+    # Joint values of a robot whose file says so: nothing else is wrong.
+    (tmp_path / "mended.toml").write_text(f'urdf = "arm.urdf"\n[drives]\ncoupling = {turned}\n')
+    mended = load_robot(tmp_path / "mended.toml")
+    again = findings_of(recording(Wrong(coupled=turns, seconds=24.0, seed=1)), mended)
+    assert [f for f in again if f.severity != "info"] == []
+
+
 @pytest.mark.parametrize(
     "joint", [pytest.param(0, marks=pytest.mark.long), 1, pytest.param(2, marks=pytest.mark.long)]
 )

@@ -1,3 +1,4 @@
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -290,3 +291,33 @@ def test_robots_of_the_recordings(path: Path) -> None:
     assert robot.joints in (6, 7)
     _agrees(robot, _reduced(path, robot))
     assert flange_pose(robot, np.zeros(robot.joints)).shape == (4, 4)
+
+
+_BODY = (
+    '<link name="l{k}"><inertial><origin xyz="{com}"/><mass value="{mass}"/><inertia ixx="{ixx}" '
+    'iyy="{iyy}" izz="{iyy}" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j{k}" '
+    'type="revolute"><parent link="l{p}"/><child link="l{k}"/><origin xyz="0.3 0 0"/>'
+    '<axis xyz="0 1 0"/><limit lower="-3" upper="3" velocity="4" effort="200"/></joint>'
+)
+
+
+def _published(masses: Sequence[float], ixx: float, iyy: float, com: str) -> list[int]:
+    """Numbers of each link that are known."""
+    links = "".join(
+        _BODY.format(k=k + 1, p=k, mass=mass, ixx=ixx, iyy=iyy, com=com)
+        for k, mass in enumerate(masses)
+    )
+    robot = robot_from_urdf(f'<robot name="arm"><link name="l0"/>{links}</robot>'.encode())
+    known: list[int] = np.isfinite(robot.inertias).sum(axis=1).tolist()
+    assert any("placeholder" in note for note in robot.notes) == (min(known) < 10)
+    return known
+
+
+def test_placeholders_of_inertias_are_unknown() -> None:
+    assert _published([1, 1, 1, 1], 1.0, 1.0, "0 0 0") == [0, 0, 0, 0]
+    assert _published([1, 1, 1], 0.01, 0.02, "0 0 0") == [0, 0, 0]
+    # Masses of a data sheet, and centres, beside one tensor for all.
+    assert _published([7, 5, 3], 0.3, 0.3, "0.1 0 0") == [4, 4, 4]
+    # Modules of one kind are true, and so may two bodies be.
+    assert _published([2, 2, 2], 0.01, 0.02, "0.1 0 0") == [10, 10, 10]
+    assert _published([1, 1], 0.01, 0.01, "0 0 0") == [10, 10]

@@ -8,7 +8,7 @@ import numpy as np
 from dynid.core import Array, Finding
 from dynid.diagnosis.events import Contact, clock_scale, ripple, rows_of, untouched
 from dynid.diagnosis.explain import Explained, Explanation, explain
-from dynid.diagnosis.hypotheses import LEAST_DELAY_S
+from dynid.diagnosis.hypotheses import COUPLED, LEAST_DELAY_S
 from dynid.diagnosis.residual import ROWS, Recording, inertial_prior, reference
 from dynid.recording import ExperimentRecord, at_limit
 from dynid.robot import RobotModel
@@ -56,13 +56,23 @@ _STEPS = {
     "spring": "add the spring or counterbalance to the robot file",
     "mounting": "level the base, or give the mounting: {mount}[mount] gravity = {gravity} in the "
     "robot file",
+    "coupled_friction": "give the coupling of their motors in the robot file: {coupling}",
+    "coupled_torques": "give the coupling of their motors in the robot file: {coupling}, "
+    'torque_side = "motor"',
+    "coupled_motors": "give the coupling of their motors in the robot file: {coupling}, "
+    'torque_side = "motor", position_side = "motor"',
     "payload": "remove it, or add it to the last link of the robot file",
+    "payload_change": "identify parts with --from and --to, or record with one payload",
     "friction_drift": "move the arm until it is warm, or identify parts with --from and --to",
     "gravity_compensated": "record the whole torque: the controller's gravity has been taken off",
     "reversed": "check the signs of its torque or current and position",
     "exchanged": "check the order of the joints (--columns or --joint-order)",
     "exchanged_torques": "check the order of the torque columns (--columns or --joint-order)",
 }
+_TURNS = (
+    "the motors of {joints} are coupled: the second turns {value:.3g} +- {std:.2g} times with the "
+    "first joint as well"
+)
 _FACTS = {
     "drive_gain": "torques of {joints} are {factor:.3g} +- {std:.2g} times what the other joints "
     "let expect",
@@ -76,7 +86,11 @@ _FACTS = {
     "robot file",
     "spring": "{joints} has a torque of its position beyond gravity, up to {value:.2g} {unit}",
     "mounting": "gravity is {deg:.2f} +- {deg_std:.2f} deg off the mounting",
+    "coupled_friction": _TURNS,
+    "coupled_torques": f"{_TURNS}, and torques are those of motors",
+    "coupled_motors": f"{_TURNS}, and positions and torques are those of motors",
     "payload": "the last link carries {value:.3g} +- {std:.2g} kg more than published",
+    "payload_change": "the payload changes by {value:+.3g} +- {std:.2g} kg at about {since:.1f} s",
     "friction_drift": "friction changes by {percent:+.0f} +- {percent_std:.0f} % along the record",
     "gravity_compensated": "the torques contain no gravity",
     "reversed": "the torques of {joints} fit only when reversed",
@@ -135,12 +149,15 @@ def diagnose(
 
 
 def _compensated(finding: Finding, delays_s: Sequence[float] | None) -> Finding:
-    """A delay as information where less of it is left than is looked for; others as they are."""
+    """A delay as information where less of it is left than is looked for; others as they are.
+
+    Of all joints, what is left of most counts: a joint may show no delay of its own.
+    """
     if finding.kind != "delay" or finding.value is None or delays_s is None:
         return finding
     left = [abs(finding.value - delays_s[j]) for j in finding.joints or range(len(delays_s))]
-    if max(left) > LEAST_DELAY_S:
-        return finding
+    if np.median(left) > LEAST_DELAY_S:
+        return replace(finding, next_step="shift torques against motion in the file")
     return replace(finding, severity="info", text=f"{finding.text}, compensated", next_step="")
 
 
@@ -220,9 +237,10 @@ def finding_of(item: Explanation, robot: RobotModel, undone: RobotModel) -> Find
     names = "all joints" if every else " and ".join(robot.joint_names[j] for j in item.joints)
     value, std = item.value, item.std
     text = _FACTS[item.kind].format(
-        joints=names, value=value, std=std, unit=item.unit, factor=1 + value, ms=1e3 * value,
-        ms_std=1e3 * std, mm=1e3 * value, mm_std=1e3 * std, deg=np.degrees(value),
-        deg_std=np.degrees(std), percent=100 * value, percent_std=100 * std,
+        joints=names, value=value, std=std, unit=item.unit, since=item.since_s,
+        factor=1 + value, ms=1e3 * value, ms_std=1e3 * std, mm=1e3 * value,
+        mm_std=1e3 * std, deg=np.degrees(value), deg_std=np.degrees(std),
+        percent=100 * value, percent_std=100 * std,
     )  # fmt: skip
     if item.rivals:
         kind, joints = item.rivals[0].kind, item.rivals[0].joints
@@ -239,9 +257,19 @@ def finding_of(item: Explanation, robot: RobotModel, undone: RobotModel) -> Find
         std=std,
         unit=item.unit,
         next_step=_STEPS[item.kind].format(
-            gravity=np.round(undone.gravity, 3).tolist(), mount=_mount_option(undone.gravity)
+            gravity=np.round(undone.gravity, 3).tolist(),
+            mount=_mount_option(undone.gravity),
+            coupling=f"[drives] coupling = {_coupling(robot, undone)}",
         ),
     )
+
+
+def _coupling(robot: RobotModel, undone: RobotModel) -> list[list[float]]:
+    """(n, n) motor turns per joint turn: those that were found, by the gear ratios known."""
+    ratios, turns = np.diag(robot.drives.motor_from_joint), undone.drives.coupling
+    motors = "motor" in (robot.drives.position_side, robot.drives.torque_side)
+    found = np.eye(robot.joints) if turns is None else turns / np.diag(turns)[:, None]
+    return np.round(found * ratios[:, None] if motors else found, 3).tolist()
 
 
 def _mount_option(gravity: Array) -> str:
@@ -272,8 +300,10 @@ def _signals(
     for j in stopped:
         text = f"torque of {robot.joint_names[j]} stops at a limit"
         found.append(Finding("saturated", text, joints=(j,), next_step="record a slower motion"))
+    # The friction of coupled motors turns round where their ratio, which is estimated, says.
+    doubted = {*stopped, *(j for e in explained.found if e.kind in COUPLED for j in e.joints)}
     if not made:
-        found += [_touched(c, robot) for c in touched if not set(c.joints) <= set(stopped)]
+        found += [_touched(c, robot) for c in touched if not set(c.joints) <= doubted]
     for j in range(robot.joints):
         wave = ripple(rec, error, j, LEAST_RIPPLE * float(limit[j]), touched)
         if wave is not None:

@@ -5,7 +5,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, scipy_part
-from dynid.diagnosis.hypotheses import Hypothesis, Scored, drops, hypotheses, left_out, score
+from dynid.diagnosis.hypotheses import (
+    COUPLED,
+    Hypothesis,
+    Scored,
+    drops,
+    hypotheses,
+    left_out,
+    score,
+)
 from dynid.diagnosis.residual import (
     BLOCKS,
     Fits,
@@ -35,7 +43,8 @@ WORTH_A_LOOK, LOOKS = 4.0, 8
 """Drop of the negative log likelihood from which a rival gets its own fit, and how many do."""
 WHOLE_LIKELY, OFFSET_LIKELY = 24.0, 40.0
 """Drop that a signal needs that is reversed or exchanged: there are hundreds to choose from; and
-one that was shifted in time, which short motions without repetition bear better [nats]."""
+one that was shifted in time, which short motions without repetition bear better, and motors that
+are coupled, whose friction may take any shape [nats]."""
 DRIVES, IMPOSSIBLE = -0.2, 48.0
 """Power of friction, over all of a joint, that no friction has, and what it costs a fit [nats]."""
 EQUAL = 0.8
@@ -63,6 +72,8 @@ class Explanation:
     """Drop of the negative log likelihood [nats]."""
     rivals: tuple["Explanation", ...] = ()
     """Explanations that cannot be told from it, the best first."""
+    since_s: float = 0.0
+    """When it begins, from the record's start [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,6 +109,8 @@ def explain(
     while True:
         ref, _, values = fitted
         admitted, left = _ranked(fitted, found)
+        while admitted and not _confirmed(fitted, prior, added, admitted[0], found):
+            admitted = admitted[1:]
         if not right and len(found) < MOST and doubtful(ref, values):
             whole = _whole(fitted, prior, added, admitted[:1], offsets and not found)
             if whole is not None:
@@ -233,11 +246,33 @@ def _alone(ref: Reference, rival: Hypothesis, sums: Fits, first: int) -> Scored:
     return score(found, rival, sums)
 
 
+def _confirmed(
+    start: _Fitted,
+    prior: tuple[Array, Array],
+    added: list[Hypothesis],
+    best: Scored,
+    found: list[Explanation],
+) -> bool:
+    """Whether motors explain the recording when they are coupled, not their first order alone."""
+    known = best.hypothesis
+    if known.kind not in COUPLED or known.undo is None or any(_same(e, known) for e in found):
+        return True
+    undone = _fitted(known.undo(start[0].recording, best.values), prior, added)
+    return _drop(start, undone) > OFFSET_LIKELY
+
+
 def _same(found: Explanation, now: Hypothesis) -> bool:
     """Whether a fault adds to one that was found before."""
     if found.kind == "clock_offset":
         return now.kind == "delay" and len(now.joints) > 1
     return (found.kind, found.joints) == (now.kind, now.joints)
+
+
+def _coupled_otherwise(found: Explanation, now: Hypothesis) -> bool:
+    """Whether motors that were found coupled are to be coupled in another way as well."""
+    return (
+        found.kind != now.kind and found.joints == now.joints and {found.kind, now.kind} <= COUPLED
+    )
 
 
 def _fitted(
@@ -259,6 +294,8 @@ def _fitted(
 
 def _admitted(scored: Scored, found: list[Explanation]) -> bool:
     known, size = scored.hypothesis, abs(scored.value)
+    if any(_coupled_otherwise(item, known) for item in found):
+        return False
     # A size that was found before may be corrected downwards.
     physical = scored.value > known.lowest or any(_same(item, known) for item in found)
     # Several sizes: one of them is large by chance more often.
@@ -277,6 +314,7 @@ def _explanation(best: Scored, others: list[Scored], before: Explanation | None)
             std=s.std,
             unit=s.hypothesis.unit,
             score=s.score,
+            since_s=s.hypothesis.since_s,
         )
         for s in (best, *others)
         if s.score >= EQUAL * best.score

@@ -28,6 +28,9 @@ WIDENINGS = 3
 LEAST_ARM_M = 0.02
 """Shorter offsets between joints have no length that could be wrong."""
 
+COUPLED = frozenset({"coupled_friction", "coupled_torques", "coupled_motors"})
+"""Kinds of a motor that turns with two joints: joint values; motor torques; motor positions too."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hypothesis:
@@ -50,6 +53,8 @@ class Hypothesis:
     """Sizes at or below it are not physical."""
     widest: float = 1.0
     """How far sizes may lie beyond their width without being pulled back."""
+    since_s: float = 0.0
+    """When it begins, from the record's start [s]."""
 
     @property
     def free(self) -> int:
@@ -133,6 +138,9 @@ def hypotheses(ref: Reference, values: Array) -> list[Hypothesis]:
     found = list(_of_the_arm(ref, values, torques))
     for j in range(torques.joints):
         found += _of_a_joint(torques, j)
+    total = np.tensordot(values, ref.columns, axes=1)
+    for m in range(1, torques.joints):
+        found += _of_a_coupling(torques, total, m)
     return found
 
 
@@ -166,6 +174,7 @@ def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hy
         )  # fmt: skip
     if rec.robot.published[-1]:
         yield _payload(ref, values)
+    yield _payload_change(ref, values)
     friction = ref.columns[10 * n :].copy()
     friction[n : 2 * n] = 0.0  # motor inertia
     total = np.tensordot(values[10 * n :], friction, axes=1)
@@ -176,13 +185,42 @@ def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hy
     )  # fmt: skip
 
 
-def _payload(ref: Reference, values: Array) -> Hypothesis:
+def _at_the_flange(ref: Reference) -> tuple[Array, float]:
+    """(10, n, T) columns of a body there, and the mass that the arm is expected to carry [kg].
+
+    Of a point at the flange; then of what its first and second moments differ by.
+    """
     n = ref.recording.robot.joints
-    # A point at the flange; then what its first and second moments differ by.
     place = np.append(ref.recording.robot.flange[:3, 3], 1.0)
     body = ref.columns[10 * (n - 1) : 10 * n].copy()
     body[0] = np.tensordot(from_pseudo_inertia(np.outer(place, place)), body, axes=1)
-    carried = PAYLOAD * float(ref.mean[: 10 * n : 10].sum())
+    return body, PAYLOAD * float(ref.mean[: 10 * n : 10].sum())
+
+
+def _payload_change(ref: Reference, values: Array) -> Hypothesis:
+    """A body that is carried from the row on from which it explains most."""
+    body, carried = _at_the_flange(ref)
+    width, error = carried * np.array([1.0, *[LEVER_M] * 3]), ref.left(values)
+    own, rows = 1 / np.maximum(np.square(error).mean(axis=1), 1e-12), error.shape[1]
+    square = np.einsum("ajt,bjt,j->tab", body[:4], body[:4], own)[::-1].cumsum(axis=0)[::-1]
+    cross = np.einsum("ajt,jt,j->ta", body[:4], error, own)[::-1].cumsum(axis=0)[::-1]
+    square += np.diag(1 / np.square(width))
+    solved: Array = np.asarray(np.linalg.solve(square, cross[:, :, None]), dtype=np.float64)
+    # A block at least lies on either side.
+    starts = slice(rows // BLOCKS, rows - rows // BLOCKS)
+    first = starts.start + int(np.argmax(np.sum(cross * solved[:, :, 0], axis=1)[starts]))
+    rec, later = ref.recording, np.zeros((4, *error.shape))
+    later[:, :, first:] = body[:4, :, first:]
+    return Hypothesis(
+        kind="payload_change", joints=(rec.robot.joints - 1,), unit="kg", width=width,
+        least=0.05 * carried, columns=later,
+        widest=MOST_CARRIED, since_s=float(rec.t[first * rec.block]),
+    )  # fmt: skip
+
+
+def _payload(ref: Reference, values: Array) -> Hypothesis:
+    n = ref.recording.robot.joints
+    body, carried = _at_the_flange(ref)
     return Hypothesis(
         kind="payload", joints=(n - 1,), unit="kg", least=0.05 * carried,
         width=carried * np.array([1.0, *[LEVER_M] * 3, *[LEVER_M**2] * 6]),
@@ -252,6 +290,53 @@ def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
         kind="spring", joints=(j,), unit="N" if slides else "N.m", width=np.full(3, size),
         least=0.02 * size, columns=torques.columns(shapes[0], shapes[1], shapes[2]),
     )  # fmt: skip
+
+
+def _of_a_coupling(torques: _Torques, total: Array, m: int) -> Iterator[Hypothesis]:
+    """Motor m that turns with the joint before it as well; `total` (n, T) are all torques."""
+    rec, j = torques.rec, m - 1
+    if rec.robot.prismatic[m] or rec.robot.prismatic[j]:
+        return
+    inverse_turns: Array = np.asarray(np.linalg.inv(_turns(rec.robot)), dtype=np.float64)
+    bodies = torques.parameters.copy()
+    bodies[10 * torques.joints :] = 0.0
+    rigid = torques.at(parameters=bodies)
+    motor = inverse_turns[:, m] @ rec.average(rigid.T)
+    friction, measured = np.zeros((2, 1, *total.shape))
+    friction[0, j] = inverse_turns[:, m] @ total - motor
+    measured[0, j] = -motor
+    by = -1e-3 * inverse_turns[:, m] * np.array([rec.q, rec.dq, rec.ddq])[:, :, j, None]
+    moved = torques.columns((torques.at(by=by, parameters=bodies) - rigid) / 1e-3)
+    moved[0, j] -= motor
+    for kind, column in (
+        ("coupled_friction", friction), ("coupled_torques", measured), ("coupled_motors", moved),
+    ):  # fmt: skip
+        yield Hypothesis(
+            kind=kind, joints=(j, m), unit="1", width=np.array([0.5]), least=0.05, columns=column,
+            undo=lambda r, x, kind=kind: _coupled(r, kind, j, m, float(x[0])),
+        )  # fmt: skip
+
+
+def _turns(robot: RobotModel) -> Array:
+    """(n, n) turns of the motors per turn of the joints, their own joint's being 1."""
+    if robot.drives.coupling is None:
+        return np.eye(robot.joints)
+    return robot.drives.coupling / np.diag(robot.drives.coupling)[:, None]
+
+
+def _coupled(rec: Recording, kind: str, j: int, m: int, by: float) -> Recording:
+    """The recording of a robot whose motor m turns `by` more with joint j."""
+    before = _turns(rec.robot)
+    after = before.copy()
+    after[m, j] += by
+    drives = replace(rec.robot.drives, coupling=after)
+    rec = replace(rec, robot=replace(rec.robot, drives=drives))
+    if kind != "coupled_friction":
+        rec = replace(rec, tau=np.linalg.solve(before.T, rec.tau.T).T @ after)
+    if kind == "coupled_motors":
+        back = np.linalg.solve(after, before).T
+        rec = replace(rec, q=rec.q @ back, dq=rec.dq @ back, ddq=rec.ddq @ back)
+    return rec
 
 
 def _scaled(tau: Array, j: int, factor: float) -> Array:
@@ -395,7 +480,7 @@ def left_out(found: Fits) -> tuple[Array, Array]:
 
 def _one_number(kind: str, values: Array, std: Array) -> tuple[float, float]:
     """Size of an explanation with several sizes, and its standard deviation."""
-    if kind == "payload" or len(values) == 1:
+    if kind.startswith("payload") or len(values) == 1:
         return float(values[0]), float(std[0])
     if kind == "friction_drift":
         weight = 1 / np.square(np.maximum(std, 1e-12))

@@ -3,7 +3,7 @@
 import difflib
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from dynid.core import Array, RobotError, printable
 from dynid.robot.kinematics import robot_from_chain
 from dynid.robot.model import JointLimits, RobotModel
 from dynid.robot.tables import located
-from dynid.robot.transforms import is_physical, joint_motion, move
+from dynid.robot.transforms import is_physical, joint_motion, move, to_pseudo_inertia
 from dynid.robot.urdf_xml import MOVING, UrdfJoint, UrdfTree, parse_urdf
 
 _GRIPPER = re.compile(r"gripper|finger|jaw|knuckle|claw", re.IGNORECASE)
@@ -233,6 +233,9 @@ def _listed(names: list[str], most: int = 12) -> str:
     return ", ".join(printable(name, 60) for name in names[:most]) + more
 
 
+REPEATED = 3
+"""Links with the same tensor from which it is a placeholder: that of a ball, or of a body centred
+on its joint."""
 MAX_BYTES = 20_000_000
 """The largest URDF file that is read."""
 
@@ -249,7 +252,7 @@ def robot_from_urdf(
 
     Fixed and frozen joints are merged into the links. Meshes, Gazebo and transmission tags are
     not looked at. Links without an `inertial` leave their inertia unknown only if nothing
-    else in the same moving body has one.
+    else in the same moving body has one; placeholders (see `REPEATED`) are unknown as well.
 
     Args:
         data: The text's bytes.
@@ -321,4 +324,33 @@ def _merge(
         elif not is_physical(row):
             link = f"the link moved by joint {printable(name)}"
             notes.append(f"the inertia of {link} is not physically consistent")
+    copied = _copied([tree.links[tree.joints[name].child] for name in trunk.joints])
+    for body, first in copied.items():
+        inertias[body, first:] = np.nan
+    if copied:
+        notes.append(
+            f"an inertia that is the same on {REPEATED} links or more is a placeholder, taken as "
+            f"unknown: links moved by {_listed([trunk.joints[body] for body in copied])}"
+        )
     return inertias
+
+
+def _copied(links: Sequence[Array | None]) -> dict[int, int]:
+    """Links whose inertia is a placeholder, and from which parameter on: the masses may be true."""
+    alike: dict[tuple[float, ...], dict[int, float]] = {}
+    for k, own in enumerate(links):
+        if own is None or own[0] <= 0:
+            continue
+        centre = own[1:4] / own[0]
+        second = to_pseudo_inertia(own)[:3, :3] - own[0] * np.outer(centre, centre)
+        size = float(np.trace(second))
+        ball = np.allclose(second, np.eye(3) * size / 3, atol=1e-6 * abs(size))
+        if ball or not centre.any():
+            key = tuple(float(f"{x:.6g}") for x in second[np.tril_indices(3)] + 1e-6 * size)
+            alike.setdefault(key, {})[k] = float(own[0])
+    copied: dict[int, int] = {}
+    for masses in alike.values():
+        if len(masses) >= REPEATED:
+            every = list(masses.values())
+            copied |= {k: 0 if every.count(m) >= REPEATED else 4 for k, m in masses.items()}
+    return copied
