@@ -315,7 +315,7 @@ def open_record(
     if isinstance(record, ExperimentRecord):
         found = record
     elif not isinstance(record, str | Path):  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise InputError("not a recording or its file", value=record)
+        raise InputError("not a recording or its file", value=type(record).__name__)
     else:
         _refuse_results(Path(record))
         try:

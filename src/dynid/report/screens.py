@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.diagnosis import Answer
+from dynid.diagnosis import Answer, with_rests
 from dynid.figures import number
 from dynid.report.contents import ReportContents, ReportedEstimate, joint_labels
 from dynid.report.figures import MODEL_NAMES, MODEL_ROLES, worst_first
@@ -62,8 +62,8 @@ def headline(item: ReportedEstimate) -> str:
     if item.level == "do_not_use":
         return "This result must not be used"
     if item.validation is not None:
-        error = shown.moving.relative_error_overall_percent
-        return f"Predicts torque to {_percent(error)} on another motion"
+        errors = (m.relative_error_overall_percent for m in (shown.moving, shown.metrics))
+        return f"Predicts torque to {with_rests(*map(_percent, errors))} on another motion"
     told = item.estimate.assessment
     if told is not None:
         return f"Expected to predict torque to {_percent(told.expected_error_percent)}"
@@ -91,15 +91,16 @@ def purposes(item: ReportedEstimate) -> tuple[PurposeAnswer, ...]:
     estimate, shown = item.estimate, item.shown
     names = joint_labels(estimate.model.robot.joint_names)
     error = float("nan") if shown is None else shown.moving.relative_error_overall_percent
+    unit = "% of torque in motion"
     if item.validation is None and estimate.assessment is not None:
-        error = estimate.assessment.expected_error_percent
+        error, unit = estimate.assessment.expected_error_percent, "% of torque"
     detail = ""
     if shown is not None:
         by_joint = shown.moving.relative_error_percent
         worst = worst_first(shown)[0]
         fastest = float(np.abs(shown.dq).max())
         detail = (
-            f"Worst joint: {names[worst]} with {number(float(by_joint[worst]), 2)} %. "
+            f"Worst joint: {names[worst]} with {number(float(by_joint[worst]), 2)} % in motion. "
             f"Tested up to {number(fastest, 2)} rad/s."
         )
     relative = estimate.relative_std_percent
@@ -107,7 +108,7 @@ def purposes(item: ReportedEstimate) -> tuple[PurposeAnswer, ...]:
     judged, within = item.verdict, f"within ±{PRECISE_PERCENT:g} % (1 σ)"  # noqa: RUF001
     words = _precise_words([estimate.names[k] for k in precise])
     return (
-        _purpose("Prediction", judged.prediction, number(error, 2), "% of torque", detail),
+        _purpose("Prediction", judged.prediction, number(error, 2), unit, detail),
         _purpose(
             "Parameters",
             judged.parameters,
