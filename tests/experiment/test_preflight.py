@@ -134,7 +134,11 @@ def test_what_cannot_be_judged_must_be_accepted_by_name() -> None:
         assert f"--accept-unjudged {kind}" in str(no.value.next_step)
     with pytest.raises(InputError, match="environment cannot be judged"):
         check_design(PLAN, bare, ("self_collision",))
-    assert check_design(PLAN, bare, ("self_collision", "environment")).verdict == "unjudged"
+    found = check_design(PLAN, bare, ("self_collision", "environment"))
+    assert found.verdict == "unjudged"
+    # A height of the floor helps no robot without bodies: it is refused.
+    (floor,) = (item for item in found.unjudged if item.kind == "environment")
+    assert "[[body]]" in floor.next_step
 
 
 def test_the_tool_is_compared_with_the_controllers() -> None:

@@ -50,8 +50,10 @@ def _print_certificate(screen: Console, data: Mapping[str, Any]) -> None:
     )
     for item in data["unjudged"]:
         screen.print(f"- unjudged: {item['kind']}: {item['message']}. {item['next_step']}")
+    told = " ".join(item["message"] for item in data["unjudged"])
     for note in data["notes"]:
-        screen.print(f"- {note}.")
+        if note not in told:
+            screen.print(f"- {note}.")
 
 
 @ask.command(
