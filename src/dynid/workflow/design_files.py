@@ -374,6 +374,29 @@ def check(
 KINDS = ("csv", "urscript", "ros", *LANGUAGES)
 
 
+def check_export(kind: str, robot: RobotLike, trajectory: str) -> None:
+    """Refuse a format that cannot hold a motion before that is searched for.
+
+    Args:
+        kind: One of `KINDS`.
+        robot: The robot that is to move.
+        trajectory: The word of its kind of motion.
+
+    Raises:
+        InputError: Another kind of motion, or number of joints, than the format has.
+    """
+    if kind in LANGUAGES and trajectory != "points":
+        raise InputError(
+            "holds motions through points alone",
+            where=f"--{kind}",
+            value=trajectory,
+            next_step="Design with --trajectory points.",
+        )
+    joints = load_robot(robot).joints
+    if kind not in ("csv", "ros", "waypoints") and joints != 6:
+        raise InputError("needs six joints", where=f"--{kind}", value=joints, limit=6)
+
+
 def export_motion(design: ExcitationDesign, kind: str, path: str | Path) -> None:
     """Write one period of a design in another format, one of `KINDS`, whole or not at all.
 
