@@ -353,7 +353,8 @@ def require_ready(checks: tuple[PreflightCheck, ...], where: str) -> None:
 def _model(name: str, state: ControllerState) -> PreflightCheck:
     """The dashboard calls a UR5e a UR5; the major version tells them apart."""
     version = ".".join(str(part) for part in state.version[:3])
-    finding = f"{state.model or 'unknown model'}, software {version}"
+    series = "e" if state.version[0] >= _E_SERIES else "CB"
+    finding = f"{state.model or 'unknown model'}, software {version} ({series}-Series)"
     called = name.lower()
     # Without a dashboard there is only the version to go by.
     known = not state.model or state.model.lower().removesuffix("e") == called.removesuffix("e")
