@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.diagnosis import Answer, with_rests
+from dynid.diagnosis import Answer
 from dynid.figures import number
 from dynid.report.contents import ReportContents, ReportedEstimate, joint_labels
 from dynid.report.figures import MODEL_NAMES, MODEL_ROLES, worst_first
@@ -62,8 +62,8 @@ def headline(item: ReportedEstimate) -> str:
     if item.level == "do_not_use":
         return "This result must not be used"
     if item.validation is not None:
-        errors = (m.relative_error_overall_percent for m in (shown.moving, shown.metrics))
-        return f"Predicts torque to {with_rests(*map(_percent, errors))} on another motion"
+        error = shown.moving.relative_error_overall_percent
+        return f"Predicts torque to {_percent(error)} on another motion"
     told = item.estimate.assessment
     if told is not None:
         return f"Expected to predict torque to {_percent(told.expected_error_percent)}"
@@ -75,12 +75,16 @@ def _percent(value: float) -> str:
 
 
 def lead(item: ReportedEstimate) -> str:
-    """What it was identified from and validated on."""
+    """What it was identified from and validated on, and its error there with the rests."""
     made = ", ".join(item.conditions)
     text = f"Identified from one recording ({made})" if made else "Identified from a recording"
     if item.validation is not None:
         tested = ", ".join(item.tested)
-        return f"{text}, validated on another motion" + (f" ({tested})." if tested else ".")
+        text = f"{text}, validated on another motion" + (f" ({tested})" if tested else "")
+        shown = item.validation
+        parts = (shown.moving, shown.metrics)
+        moving, whole = (_percent(part.relative_error_overall_percent) for part in parts)
+        return f"{text}." if moving == whole else f"{text}: {moving} in motion, {whole} with rests."
     return f"{text}; no other motion has been predicted."
 
 
