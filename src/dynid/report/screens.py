@@ -104,7 +104,7 @@ def purposes(item: ReportedEstimate) -> tuple[PurposeAnswer, ...]:
         worst = worst_first(shown)[0]
         fastest = float(np.abs(shown.dq).max())
         detail = (
-            f"Worst joint: {names[worst]} with {number(float(by_joint[worst]), 2)} % in motion. "
+            f"Worst joint: {names[worst]} with {number(float(by_joint[worst]), 2)} %. "
             f"Tested up to {number(fastest, 2)} rad/s."
         )
     relative = estimate.relative_std_percent
