@@ -190,11 +190,12 @@ def printable(value: object, longest: int | None = 60) -> str:
 
 def in_words(value: object) -> str:
     """A value as messages show it: words with commas between, others as Python writes them."""
+    shown = value if isinstance(value, str) else repr(value)
     if isinstance(value, tuple | list | set | frozenset):
-        items = list(cast("Iterable[object]", value))
-        if items and all(isinstance(item, str) for item in items):
-            return ", ".join(cast("list[str]", items))
-    return value if isinstance(value, str) else repr(value)
+        words = [item for item in cast("Iterable[object]", value) if isinstance(item, str)]
+        if words and len(words) == len(cast("Sequence[object]", value)):
+            return ", ".join(words)
+    return shown
 
 
 def _short(value: object) -> str:
