@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import dynid
+from dynid import settings
 from dynid.constraints import PRESETS
-from dynid.core import InputError
+from dynid.core import InputError, in_python
 from dynid.excitation import CRITERIA, METHODS
 from dynid.identification import ESTIMATORS, PURPOSES
 from dynid.settings import options_of
@@ -32,19 +33,28 @@ def test_words_are_those_that_exist() -> None:
             assert set(options[name].words) == set(words)
 
 
+@pytest.mark.parametrize(
+    "kind", [v for v in vars(settings).values() if hasattr(v, "__dataclass_fields__")]
+)
+def test_messages_in_python_name_the_fields(kind: type) -> None:
+    for name, option in options_of(kind).items():
+        given = name if option.metavar else f"{name}={not option.name.startswith('--no-')}"
+        assert in_python(f"give {option.name}, or") == f"give {given}, or"
+
+
 def test_python_and_the_command_line_are_held_to_the_same_bounds() -> None:
     for wrong in ({"seed": -1}, {"period_s": float("nan")}, {"frames": "euler"}, {"noise": (0.0,)}):
-        with pytest.raises(InputError, match=f"--{next(iter(wrong)).removesuffix('_s')}"):
+        with pytest.raises(InputError, match=next(iter(wrong))):
             dynid.DesignSettings(**wrong)  # type: ignore[arg-type]
     for share in (0.0, 1.0, 2.0):
-        with pytest.raises(InputError, match="--false-alarms"):
+        with pytest.raises(InputError, match="false_alarms"):
             dynid.FleetSettings(false_alarms=share)
 
 
 def test_python_may_pass_what_no_command_line_can() -> None:
     lists = [{"noise": [1.0, np.nan]}, {"start_pose": np.array([np.nan])}]
     for wrong in (*lists, {"method": None}, {"limits": ["safe"]}, {"criterion": 3}):
-        with pytest.raises(InputError, match=f"--{next(iter(wrong)).removesuffix('_pose')}"):
+        with pytest.raises(InputError, match=next(iter(wrong))):
             dynid.DesignSettings(**wrong)  # type: ignore[arg-type]
     assert dynid.DesignSettings(noise=()).noise == ()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import pytest
@@ -28,6 +29,17 @@ def test_a_message_says_where_what_value_limit_and_what_to_do() -> None:
     assert (error.limit, error.next_step) == ("3.14 rad/s", "Slow down.")
 
 
+def test_python_reads_the_names_of_its_arguments() -> None:
+    error = InputError(
+        "too fast", where="--from 3 --to 2", next_step="Run: dynid import F --rate 125. Or --force."
+    )
+    assert error.line == "--from 3 --to 2: too fast. Run: dynid import F --rate 125. Or --force."
+    # Whole commands are given as they are typed.
+    told = "start_s 3 stop_s 2: too fast. Run: dynid import F --rate 125. Or force=True."
+    assert str(error) == told
+    assert str(pickle.loads(pickle.dumps(error))) == told
+
+
 def test_what_is_not_known_is_left_out() -> None:
     assert str(JobError("no motion was found")) == "no motion was found"
     assert str(JobError("failed", value=0)) == "failed; got 0"
@@ -44,7 +56,7 @@ def test_long_values_are_cut_and_say_so(length: int, shown: int) -> None:
 
 def test_values_stay_on_one_printable_line() -> None:
     message = str(InputError("wrong", value="a\nb\x1b[31mc\0", limit=["ä", "\u2028"]))
-    assert message == "wrong; got a?b?[31mc?; allowed: ['ä', '\\u2028']"
+    assert message == "wrong; got a?b?[31mc?; allowed: ä, ?"
 
 
 @pytest.mark.parametrize(

@@ -138,7 +138,7 @@ def test_a_cluster_without_workers_is_given_up(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_what_cannot_be_opened_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(InputError, match="--jobs"), workers(0):
+    with pytest.raises(InputError, match="jobs"), workers(0):
         pass
     pytest.importorskip("distributed")
     monkeypatch.setattr("dynid.core.parallel.DASK_TIMEOUT_S", 0.5)

@@ -79,5 +79,5 @@ def test_unknown_parts_are_refused(tmp_path: Path) -> None:
     from dynid.core import InputError
     from dynid.workflow import validate_files
 
-    with pytest.raises(InputError, match=r"--refit.*friction"):
+    with pytest.raises(InputError, match=r"refit.*friction"):
         validate_files(tmp_path / "e.json", tmp_path / "r.csv", refit="gravity")

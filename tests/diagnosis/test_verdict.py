@@ -57,6 +57,13 @@ def test_noise_that_no_model_predicts_is_not_held_against_it() -> None:
     assert judged(20.0, noise_percent=1.0).prediction.answer == "limits"
 
 
+def test_the_error_with_rests_stands_beside_that_in_motion() -> None:
+    """Readers who compute their own take all rows."""
+    both = judged(1.44, whole_percent=1.64).headline
+    assert both.index("1.4 %") < both.index("1.6 %")
+    assert judged(1.44, whole_percent=1.41).headline == judged(1.44).headline
+
+
 def test_each_purpose_has_its_own_answer() -> None:
     poor = judged(2.0, "ill_conditioned!")
     assert (poor.prediction.answer, poor.parameters.answer) == ("yes", "no")

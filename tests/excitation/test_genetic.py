@@ -84,9 +84,9 @@ def test_the_whole_optimiser_certifies_its_best() -> None:
 @pytest.mark.parametrize(
     ("numbers", "words"),
     [
-        ({"population": 1}, "--population"),
-        ({"generations": 0}, "--generations"),
-        ({"budget_s": 0.0}, "--budget"),
+        ({"population": 1}, "population"),
+        ({"generations": 0}, "generations"),
+        ({"budget_s": 0.0}, "budget_s"),
         ({"budget_s": 1e-6}, "budget is too short"),
     ],
 )

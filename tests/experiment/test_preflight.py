@@ -82,8 +82,9 @@ def test_each_thing_alone_keeps_it_from_moving(changes: dict[str, object], name:
 
 def test_all_that_is_wrong_stands_in_one_message() -> None:
     state = replace(READY, robot_mode=5, speed_fraction=0.5)
-    with pytest.raises(JobError, match=r"robot mode: idle.*speed slider: 50 %"):
+    with pytest.raises(JobError, match=r"robot mode: idle.*speed slider: 50 %") as caught:
         require_ready(looked(PLAN, state), state.host)
+    assert "100 %" in str(caught.value.next_step)
 
 
 def test_an_e_series_robot_needs_an_e_series_controller() -> None:
@@ -126,11 +127,18 @@ def test_a_way_to_the_start_beyond_the_limits_is_refused() -> None:
 
 def test_what_cannot_be_judged_must_be_accepted_by_name() -> None:
     bare = safe_constraints(replace(UR5, bodies=()))
-    with pytest.raises(InputError, match=r"cannot be judged.*--accept-unjudged"):
+    with pytest.raises(InputError, match=r"cannot be judged.*accept_unjudged") as no:
         check_design(PLAN, bare)
+    # All of them: no second refusal for the next one.
+    for kind in ("self_collision", "environment"):
+        assert f"--accept-unjudged {kind}" in str(no.value.next_step)
     with pytest.raises(InputError, match="environment cannot be judged"):
         check_design(PLAN, bare, ("self_collision",))
-    assert check_design(PLAN, bare, ("self_collision", "environment")).verdict == "unjudged"
+    found = check_design(PLAN, bare, ("self_collision", "environment"))
+    assert found.verdict == "unjudged"
+    # A height of the floor helps no robot without bodies: it is refused.
+    (floor,) = (item for item in found.unjudged if item.kind == "environment")
+    assert "[[body]]" in floor.next_step
 
 
 def test_the_tool_is_compared_with_the_controllers() -> None:

@@ -82,9 +82,9 @@ def test_given_terms_and_cutoff_are_kept() -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"preset": "worst"}, "--preset"),
+        ({"preset": "worst"}, "preset"),
         ({"estimator": "kalman"}, "ols, wls, irls"),
-        ({"weighting": "loud"}, "--weighting"),
+        ({"weighting": "loud"}, "weighting"),
     ],
 )
 def test_unknown_words_are_refused(settings: dict[str, str], message: str) -> None:

@@ -158,7 +158,7 @@ def test_velocities_that_are_others_are_left_out(factor: object, words: str) -> 
 
 
 def test_a_time_that_counts_rows_is_refused_where_velocities_say_so() -> None:
-    with pytest.raises(RecordError, match=r"counts rows.*125 Hz.*--rate"):
+    with pytest.raises(RecordError, match=r"counts rows.*125 Hz.*rate_hz"):
         run(raw(t=np.arange(1500.0)))
     # At 1 kHz it may as well be milliseconds.
     fast = Motion(samples=4000, rate=1000.0)

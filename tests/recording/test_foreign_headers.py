@@ -257,7 +257,7 @@ def test_two_topics(tmp_path: Path) -> None:
     other = [
         name.replace("joint_states", "left").replace("joint_commands", "right") for name in names
     ]
-    with pytest.raises(RecordError, match=r"2 sets of columns can be q.*--columns"):
+    with pytest.raises(RecordError, match=r"2 sets of columns can be q.*columns"):
         read_recording(write(tmp_path / "y.csv", other, *columns))
 
 
@@ -532,7 +532,7 @@ def test_more_numbered_columns_than_joints_are_refused(tmp_path: Path) -> None:
     more = np.zeros((len(t), 1))
     names = ["time", *named("q{}", "dq{}", "tau{}", joints=range(7))]
     path = write(tmp_path / "x.csv", names, t, *(np.hstack([x, more]) for x in (q, qd, effort)))
-    with pytest.raises(RecordError, match=r"7 joints but ur5 has 6.*--columns"):
+    with pytest.raises(RecordError, match=r"7 joints but ur5 has 6.*columns"):
         read_recording(path, robot=load_robot("ur5"))
     check(path, columns="t=0,q=1:7,qd=8:14,effort=15:21")
 
@@ -550,7 +550,7 @@ def test_a_clock_that_is_worth_nothing_says_what_to_type(tmp_path: Path) -> None
 def test_a_table_without_header_asks_for_its_columns(tmp_path: Path) -> None:
     t, q, qd, effort = truth()
     path = write(tmp_path / "x.csv", [], t, q, qd, effort)
-    with pytest.raises(RecordError, match=r"no header.*19 columns.*--columns"):
+    with pytest.raises(RecordError, match=r"no header.*19 columns.*columns"):
         read_recording(path, robot=load_robot("ur5"))
     check(path, columns="t=0,q=1:7,qd=7:13,effort=13:19")
 
@@ -651,7 +651,7 @@ def test_qualifiers_are_no_joints(tmp_path: Path) -> None:
     t, q, _, effort = truth()
     names = ["t", "q_raw", "q_filtered", "tau_raw", "tau_filtered"]
     path = write(tmp_path / "x.csv", names, t, q[:, :2], effort[:, :2])
-    with pytest.raises(RecordError, match="--columns"):
+    with pytest.raises(RecordError, match="columns"):
         read_recording(path)
 
 

@@ -27,7 +27,7 @@ def test_an_output_that_cannot_be_written_is_bad_usage(tmp_path: Path, output: s
 def test_nothing_is_replaced_unasked(tmp_path: Path) -> None:
     path, output = write_rtde_csv(MOTION, tmp_path / "x.csv"), tmp_path / "run.parquet"
     output.write_bytes(b"the only recording of a broken arm")
-    with pytest.raises(InputError, match="--force") as caught:
+    with pytest.raises(InputError, match="force=True") as caught:
         import_recording([path], output)
     assert caught.value.exit_code == 2
     assert output.read_bytes() == b"the only recording of a broken arm"
@@ -76,7 +76,7 @@ def test_fingers_beside_joints_of_a_shorter_name(tmp_path: Path, by_names: bool)
         assert "finger" in record.metadata.extra["notes"]
     else:
         with pytest.raises(
-            RecordError, match=r"8 joints but ur5 has 6.*--joint-order panda"
+            RecordError, match=r"8 joints but ur5 has 6.*joint_order panda"
         ) as caught:
             read_recording(tmp_path / "x.csv", robot=ur5)
         assert "panda_joint6" in str(caught.value.value)

@@ -78,7 +78,7 @@ def test_tx40_motor_side_with_a_coupled_wrist() -> None:
     assert codes(record) == ["at_rest"]
     blind = read_recording(TX40, columns="q=0:6,effort=6:12", rate_hz=5000)
     assert codes(blind) == ["unit_suspect", "at_rest"]
-    with pytest.raises(RecordError, match="--rate"):
+    with pytest.raises(RecordError, match="rate_hz"):
         read_recording(TX40, columns="q=0:6,effort=6:12")
     named = read_recording(TX40[::-1], robot=robot, rate_hz=5000)
     assert set(named.signals) == {"q", "current"}
@@ -129,7 +129,7 @@ def test_documents_are_no_recordings() -> None:
         with pytest.raises(RecordError):
             read_recording(path)
     # Positions and currents of one run, by the names of the files.
-    with pytest.raises(RecordError, match=r"no time.*--rate"):
+    with pytest.raises(RecordError, match=r"no time.*rate_hz"):
         read_recording(DATA / "tx40")
     with pytest.raises(RecordError, match=r"2 files.*dynid import .*RunTrajectory1\.csv"):
         read_recording(DATA / "kinova_gen3")

@@ -262,9 +262,9 @@ def test_nothing_takes_the_place_of_a_recording_unasked(tmp_path: Path) -> None:
     with open_writer(path) as writer:
         fill(writer, 30)
     good = path.read_bytes()
-    with pytest.raises(InputError, match="--force"):
+    with pytest.raises(InputError, match="force=True"):
         open_writer(path)
-    with pytest.raises(InputError, match="--force"):
+    with pytest.raises(InputError, match="force=True"):
         write_record(read_record(path), path, force=False)
     assert path.read_bytes() == good
     with RecordWriter(path, NAMES, ("q",), force=True) as writer:

@@ -96,7 +96,7 @@ def test_degrees_are_converted_on_request() -> None:
 def test_degrees_without_the_flag_are_refused_for_a_robot() -> None:
     table = raw()
     degrees = signals(table, q=np.degrees(table.signals["q"]), qd=np.degrees(table.signals["qd"]))
-    with pytest.raises(RecordError, match="--degrees"):
+    with pytest.raises(RecordError, match="degrees=True"):
         run(degrees, robot=load_robot("ur5"))
     assert codes(run(degrees)) == ["unit_suspect"]
 
@@ -346,7 +346,7 @@ def test_time_that_runs_backwards_is_refused() -> None:
     # A clock that is set back now and then leaves nothing to hold on to at rest.
     t = table.t - 0.3 * (np.arange(1500) // 40)
     still = {**table.signals, "q": np.repeat(table.signals["q"][:1], 1500, axis=0)}
-    with pytest.raises(RecordError, match=r"repeat or decrease.*--rate"):
+    with pytest.raises(RecordError, match=r"repeat or decrease.*rate_hz"):
         run(replace(table, t=t, signals=still))
 
 

@@ -235,7 +235,7 @@ def test_two_arms_on_topics_of_their_own_are_refused(tmp_path: Path) -> None:
     left, right = Motion(samples=100), Motion(samples=101, seed=5)
     path = write_db3(left, tmp_path / "bag.db3", topic="/left/joint_states")
     add_topic(path, "/right/joint_states", right)
-    with pytest.raises(RecordError, match=r"2 topics can be.*--topic /right/joint_states"):
+    with pytest.raises(RecordError, match=r"2 topics can be.*topic /right/joint_states"):
         read_recording(path)
     assert_true_to(read_recording(path, topic="/left/joint_states"), left)
 
@@ -375,7 +375,7 @@ def test_efforts_that_are_missing_name_the_other_topics(tmp_path: Path) -> None:
     ]
     path = write_db3(motion, tmp_path / "bag.db3", stream)
     add_topic(path, "/driver/states", motion)
-    with pytest.raises(RecordError, match=r"effort.*--topic, of /driver/states") as refused:
+    with pytest.raises(RecordError, match=r"effort.*topic, of /driver/states") as refused:
         read_recording(path)
     assert "current=13:19" not in str(refused.value)
     assert_true_to(read_recording(path, topic="/driver/states"), motion)

@@ -51,7 +51,7 @@ def test_any_text_is_read_or_refused(text: str) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", r"--terms: unknown, repeated or no terms; .*allowed: fc,fv,im,fo,fca,fva,fs,fr"),
+        ("", r"terms: unknown, repeated or no terms; .*allowed: fc,fv,im,fo,fca,fva,fs,fr"),
         ("fc,fv,", "unknown, repeated or no terms"),
         ("fc,fx", r"got fc,fx; allowed: fc,"),
         ("fc,fv,fc", "repeated"),

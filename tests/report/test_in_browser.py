@@ -99,6 +99,7 @@ def test_one_cursor_and_one_zoom_for_all_time_plots(opened: Any) -> None:
     page = opened(SCREEN)
     plots = page.locator("svg.plot[data-link=time]")
     first = page.locator(".row.worst svg.plot").first
+    first.scroll_into_view_if_needed()
     box = first.bounding_box()
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 20)
     assert page.locator("svg.plot[data-link=time] > line.cursor").count() == plots.count()

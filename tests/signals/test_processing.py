@@ -283,13 +283,13 @@ def test_five_minutes_at_500_hz_fit_in_little_memory() -> None:
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"cutoff_hz": 0.0}, "--cutoff: must be positive; got 0.0"),
-        ({"cutoff_hz": float("nan")}, "--cutoff"),
+        ({"cutoff_hz": 0.0}, "cutoff_hz: must be positive; got 0.0"),
+        ({"cutoff_hz": float("nan")}, "cutoff_hz"),
         ({"velocity": "guess"}, "velocity source; got guess; allowed: .*position"),
         ({"derivative": "spline"}, "derivative; got spline"),
-        ({"start_s": -1.0}, "--from: must be a time after"),
-        ({"stop_s": float("inf")}, "--to"),
-        ({"start_s": 3.0, "stop_s": 3.0}, "--to must be later than --from"),
+        ({"start_s": -1.0}, "start_s: must be a time after"),
+        ({"stop_s": float("inf")}, "stop_s"),
+        ({"start_s": 3.0, "stop_s": 3.0}, "stop_s must be later than start_s"),
     ],
 )
 def test_settings_out_of_range_are_refused(values: dict[str, Any], message: str) -> None:

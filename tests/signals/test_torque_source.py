@@ -44,7 +44,7 @@ def test_gains_of_the_recording_win_over_the_robots() -> None:
         (
             _record(),
             "ur5",
-            r"neither effort nor current; got q\. Import it again with --columns",
+            r"neither effort nor current; got q\. Import it again with columns",
         ),
         (
             _record(target_current=CURRENT),
@@ -54,7 +54,7 @@ def test_gains_of_the_recording_win_over_the_robots() -> None:
         (
             _record(joints=4, effort=EFFORT[:, :4]),
             "ur5",
-            r"the recording has 4 joints, the robot ur5 has 6\. Pass the right --robot",
+            r"the recording has 4 joints, the robot ur5 has 6\. Pass the right robot",
         ),
         (
             _record(current=CURRENT, gains=(1.0, 2.0)),
@@ -64,7 +64,7 @@ def test_gains_of_the_recording_win_over_the_robots() -> None:
         (
             _record(current=CURRENT, gains=(1.0, np.nan, 3.0, 4.0, 5.0, np.inf)),
             "ur5",
-            r"ur5: torque from current needs drive gains .*no gain for \S+, \S+\. Pass --gains",
+            r"ur5: torque from current needs drive gains .*no gain for \S+, \S+\. Pass gains",
         ),
     ],
 )

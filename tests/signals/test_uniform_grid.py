@@ -143,9 +143,13 @@ def test_a_window_counts_from_the_records_start_and_leaves_its_end_to_the_next(
 @pytest.mark.parametrize(
     ("start", "stop", "message"),
     [
-        (100.0, None, r"--from 100 --to 7.992: the window holds too few samples; got 0; allowed:"),
-        (2.0, 2.1, r"--from 2 --to 2.1: .*got 13; .*at least 32; the record lasts 7.992 s"),
-        (None, 0.1, r"--from 0 --to 0.1"),
+        (
+            100.0,
+            None,
+            r"start_s 100 stop_s 7.992: the window holds too few samples; got 0; allowed:",
+        ),
+        (2.0, 2.1, r"start_s 2 stop_s 2.1: .*got 13; .*at least 32; the record lasts 7.992 s"),
+        (None, 0.1, r"start_s 0 stop_s 0.1"),
     ],
 )
 def test_a_window_with_next_to_nothing_is_refused(

@@ -128,7 +128,7 @@ def test_strangers_are_refused_in_one_message(changes: dict[str, object], word: 
 
 
 def test_estimates_of_chosen_terms_are_told_the_terms_to_compare_with() -> None:
-    with pytest.raises(InputError, match=r"--terms fc,fv,fo:1\+3,im"):
+    with pytest.raises(InputError, match=r"terms fc,fv,fo:1\+3,im"):
         compare(
             other_model(friction=parse_terms("fc,fv:2,fo:3")),
             other_model(friction=parse_terms("fc,fv,im,fo:1")),

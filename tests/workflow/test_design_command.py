@@ -306,6 +306,10 @@ SCENES: dict[str, Any] = {
         (("--mount", "moon"), "mounting"),
         (("--previous", "missing.parquet"), "missing.parquet"),
         (("--dask", "nowhere"), "--dask"),
+        # Before the search, not after it.
+        (("--krl", "d.src"), "--krl"),
+        (("--movej", "d.script", "--trajectory", "points"), "six joints"),
+        (("--urscript", "d.script"), "six joints"),
     ],
 )
 def test_bad_input_is_one_clear_message(

@@ -169,7 +169,7 @@ def test_a_scene_that_was_edited_must_be_given_again(
     stored = read_design(path)
     plan = ExperimentPlan(robot=stored.robot, trajectory=stored.stored.trajectory)
     _, judge = judge_of(stored, RunSettings())
-    with pytest.raises(InputError, match=r"must not run.*environment.*--scene"):
+    with pytest.raises(InputError, match=r"must not run.*environment.*scene"):
         check_design(plan, judge)
     again = check(path, scene=made[0] / "scene.json")
     assert again.certificate.verdict == untouched

@@ -50,6 +50,19 @@ def test_a_record_does_not_confirm_itself(
     assert "another motion's" not in judged.headline
 
 
+def test_words_and_lists_are_taken_where_python_has_values(
+    record: ExperimentRecord, alone: dynid.Identification
+) -> None:
+    settings = dynid.IdentifySettings(preset="paper", terms="fc,fv,im")  # pyright: ignore[reportArgumentType]
+    assert dynid.identify(record, "ur5", settings).estimate.names == alone.estimate.names
+    pose = [[0.1] * 6]
+    assert np.array_equal(
+        alone.estimate.predict(pose, pose, pose), alone.estimate.predict(*3 * [np.array(pose)])
+    )
+    with pytest.raises(InputError, match=r"dq has the wrong shape; got \(1, 5\)"):
+        alone.estimate.predict(pose, [[0.1] * 5], pose)
+
+
 def test_windows_that_overlap_do_not_confirm_either(record: ExperimentRecord) -> None:
     late = dynid.identify(record, "ur5", PAPER, validation=record, validation_start_s=5.0)
     assert "over_fitted" in codes(late)

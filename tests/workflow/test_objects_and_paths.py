@@ -377,6 +377,18 @@ def test_what_is_neither_is_refused(objects: Given) -> None:
         dynid.DesignSettings(previous=(objects.record,))
 
 
+def test_a_trajectory_of_ones_own_is_checked_and_run_beside_a_robot(tmp_path: Path) -> None:
+    arm = written_arm(tmp_path)
+    motion = dynid.random_excitation(dynid.load_robot(arm).limits, seed=1)
+    found = dynid.check(motion, robot=arm, collision=False)
+    assert found.design.robot.joints == motion.joints
+    settings = dynid.RunSettings(robot=arm, repeat=1)
+    run = dynid.run_design(motion, tmp_path / "run.parquet", settings=settings)
+    assert not run.to_json()["aborted"]
+    with pytest.raises(dynid.InputError, match="which robot"):
+        dynid.check(motion)
+
+
 def test_recordings_remember_a_robot_that_is_given_as_an_object(tmp_path: Path) -> None:
     motion = dynid.random_excitation(dynid.load_robot("ur5").limits, seed=1, period_s=PERIOD_S)
     dynid.write_record(dynid.simulate_recording("ur3", motion), tmp_path / "log.parquet")

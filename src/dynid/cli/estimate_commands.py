@@ -273,6 +273,7 @@ def validate_command(
     json: ask.JsonFlag = False,
 ) -> None:
     """Prediction error on another recording (paper 3.1)."""
+    from dynid.diagnosis import with_rests
     from dynid.identification import open_estimate
     from dynid.validation import CAUSES
     from dynid.workflow import validate_files
@@ -295,10 +296,9 @@ def validate_command(
         return
     screen = show.console()
     slides = open_estimate(estimate, at).model.robot.prismatic
-    error = result.moving.relative_error_overall_percent
-    screen.print(
-        f"Predicts this recording to {show.number(error, 3)} % of the torque", style="bold"
-    )
+    errors = (m.relative_error_overall_percent for m in (result.moving, result.metrics))
+    shown = with_rests(*(f"{show.number(error, 3)} %" for error in errors))
+    screen.print(f"Predicts the torque of this recording to {shown}", style="bold")
     print_metrics(screen, "Prediction", result, slides)
     if result.transfer is not None:
         split = result.transfer

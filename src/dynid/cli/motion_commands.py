@@ -50,8 +50,10 @@ def _print_certificate(screen: Console, data: Mapping[str, Any]) -> None:
     )
     for item in data["unjudged"]:
         screen.print(f"- unjudged: {item['kind']}: {item['message']}. {item['next_step']}")
+    told = " ".join(item["message"] for item in data["unjudged"])
     for note in data["notes"]:
-        screen.print(f"- {note}.")
+        if note not in told:
+            screen.print(f"- {note}.")
 
 
 @ask.command(
@@ -81,7 +83,7 @@ def design_command(
     json: ask.JsonFlag = False,
 ) -> int:
     """Optimal excitation trajectory, certified (paper 2.2)."""
-    from dynid.workflow import design, export_motion
+    from dynid.workflow import check_export, design, export_motion
 
     sources = (*settings.motions, *settings.previous, *filter(None, [settings.scene]))
     inputs = list(map(Path, sources))
@@ -91,6 +93,7 @@ def design_command(
     asked = {kind: path for kind, path in exports.items() if path is not None}
     for kind, path in asked.items():
         show.check_output(path, inputs=inputs, where=f"--{kind}", force=force)
+        check_export(kind, robot, settings.trajectory)
     _check_apart({"-o": output, **{f"--{kind}": path for kind, path in asked.items()}})
     settings = replace(settings, jobs=jobs)
     with show.progress_bar("design") as progress:

@@ -204,7 +204,7 @@ def exit_code_of(job: Callable[[], int]) -> int:
     try:
         code = job()
     except DynidError as error:
-        return _say(str(error), error.exit_code)
+        return _say(error.line, error.exit_code)
     except typer.TyperException as error:
         return _say(_usage(error), BAD_INPUT)
     except (KeyboardInterrupt, typer.Abort):

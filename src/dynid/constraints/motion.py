@@ -234,7 +234,8 @@ def _surroundings(
             Unjudged(
                 kind="environment",
                 message=f"there can be no floor at the mounting plane: {error.what}",
-                next_step="Say where it is: --floor HEIGHT, or --floor none.",
+                next_step=f"{error.next_step or 'Say where it is: --floor HEIGHT.'} Where there is "
+                "none: --floor none.",
             )
         )
     asked = {
@@ -247,7 +248,8 @@ def _surroundings(
                 Unjudged(
                     kind=kind,
                     message="; ".join(notes[said:]) or "no shapes are known of the robot",
-                    next_step="Give its links shapes: [[capsule]] in a robot file, or meshes.",
+                    next_step="Give its links shapes: [[capsule]] in a robot file, or "
+                    "meshes (--mesh-dir DIR).",
                 )
             )
     return found

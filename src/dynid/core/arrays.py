@@ -44,7 +44,11 @@ def frozen(
         want is None or want == got for want, got in zip(shape, array.shape, strict=True)
     )
     if not fits:
-        raise InputError(f"{name} has the wrong shape", value=array.shape, limit=shape)
+        raise InputError(
+            f"{name} has the wrong shape",
+            value=array.shape,
+            limit=str(shape).replace("None", "any"),
+        )
     if finite and not np.isfinite(array).all():
         first = tuple(int(k) for k in np.argwhere(~np.isfinite(array))[0])
         raise InputError(f"{name} is not finite at index {first}", value=float(array[first]))

@@ -6,6 +6,7 @@ Each error says what is wrong, where, with the value, the limit and the next ste
 import importlib
 import importlib.util
 import inspect
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import wraps
@@ -18,8 +19,54 @@ LONGEST_WORD = 40
 """A longer value is no word that was mistyped."""
 
 
+PYTHON_NAMES = {
+    "--accuracy": "accuracy_percent",
+    "--at": "at_degC",
+    "--budget": "budget_s",
+    "--cutoff": "cutoff_hz",
+    "--degrees": "degrees=True",
+    "--for": "purpose",
+    "--force": "force=True",
+    "--from": "start_s",
+    "--margin": "margin_percent",
+    "--mesh-dir": "mesh_dirs",
+    "--motion": "motions",
+    "--no-collision": "collision=False",
+    "--no-header": "header=False",
+    "--period": "period_s",
+    "--rate": "rate_hz",
+    "--reference": "reference_degC",
+    "--settle": "settle=True",
+    "--start": "start_pose",
+    "--to": "stop_s",
+    "--validate": "validation",
+    "--validate-from": "validation_start_s",
+    "--validate-to": "validation_stop_s",
+    "--warm-up": "warm_up_s",
+    "-o": "output",
+}
+"""Options that Python calls by another name than their own without dashes."""
+_OPTION = re.compile(r"(?<![\w-])(?:--[a-z][a-z-]*|-o)(?![\w-])")
+_COMMAND = re.compile(r"((?:dynid|ros2) [a-z].*?(?:$|\. ))", re.DOTALL)
+"""A whole command line: it is given as it is typed."""
+
+
+def in_python(text: str) -> str:
+    """A message with the arguments of Python in place of the options of the command line."""
+
+    def name(found: re.Match[str]) -> str:
+        option = found[0]
+        return PYTHON_NAMES.get(option, option.strip("-").replace("-", "_"))
+
+    parts = _COMMAND.split(text)
+    parts[::2] = (_OPTION.sub(name, part) for part in parts[::2])
+    return "".join(parts)
+
+
 class DynidError(Exception):
     """An error with the facts a person needs to act.
+
+    Its facts and its `line` name options of the command line, its text the arguments of Python.
 
     Args:
         what: What went wrong, as a sentence without its full stop.
@@ -45,7 +92,8 @@ class DynidError(Exception):
         self.value = value
         self.limit = limit
         self.next_step = next_step or _suggestion(value, limit)
-        super().__init__(self._message())
+        self.line = self._message()
+        super().__init__(in_python(self.line))
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -140,8 +188,18 @@ def printable(value: object, longest: int | None = 60) -> str:
     return text if longest is None or len(text) <= longest else text[: longest - 3] + "..."
 
 
+def in_words(value: object) -> str:
+    """A value as messages show it: words with commas between, others as Python writes them."""
+    shown = value if isinstance(value, str) else repr(value)
+    if isinstance(value, tuple | list | set | frozenset):
+        words = [item for item in cast("Iterable[object]", value) if isinstance(item, str)]
+        if words and len(words) == len(cast("Sequence[object]", value)):
+            return ", ".join(words)
+    return shown
+
+
 def _short(value: object) -> str:
-    return printable(value if isinstance(value, str) else repr(value), 200)
+    return printable(in_words(value), 200)
 
 
 def installed(module: str) -> bool:

@@ -11,3 +11,4 @@ from dynid.diagnosis.verdict import USELESS_PREDICTION as USELESS_PREDICTION
 from dynid.diagnosis.verdict import Answer as Answer
 from dynid.diagnosis.verdict import Verdict as Verdict
 from dynid.diagnosis.verdict import judge as judge
+from dynid.diagnosis.verdict import with_rests as with_rests

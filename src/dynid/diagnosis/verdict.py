@@ -113,25 +113,28 @@ def judge(
     uncertain_share: float,
     pays: bool | None = None,
     obstacle: str = "",
+    whole_percent: float | None = None,
 ) -> Verdict:
     """Judge an identification.
 
     Args:
         findings: All of them.
-        expected_percent: Error on another motion or on left-out data, of moving joints; None
+        expected_percent: Error on another motion, of moving joints, or on left-out data; None
             where nothing was left out and nothing else was predicted.
         noise_percent: What of it is noise, so that no model can predict it.
         confirmed: The error is that of another recording.
         uncertain_share: Share of parameters whose deviation exceeds half of their value.
         pays: Identified inertias predict better than published ones; None where none are.
         obstacle: Why the model cannot be exported to a simulator; empty where it can.
+        whole_percent: The error on another motion with its rests.
     """
     errors = [f for f in findings if f.severity == "error"]
     faults = [f for f in findings if f.severity == "warning" and f.code in FAULTS]
     wrong = [f for f in errors if f.code in FAULTS]
     poor = [f for f in errors if f.code not in FAULTS]
     impossible = [f for f in findings if f.code == "not_physical"]
-    prediction = _prediction(expected_percent, noise_percent, confirmed, wrong, faults, poor)
+    errors_percent = (expected_percent, whole_percent)
+    prediction = _prediction(errors_percent, noise_percent, confirmed, wrong, faults, poor)
     return Verdict(
         prediction=prediction,
         parameters=_parameters([*wrong, *faults], poor, impossible, uncertain_share, pays),
@@ -139,14 +142,20 @@ def judge(
     )
 
 
+def with_rests(moving: str, whole: str) -> str:
+    """An error in motion, and beside it that of all samples where it is another figure."""
+    return moving if moving == whole else f"{moving} in motion ({whole} with rests)"
+
+
 def _prediction(
-    expected: float | None,
+    errors: tuple[float | None, float | None],
     noise: float,
     confirmed: bool,
     wrong: list[Finding],
     faults: list[Finding],
     poor: list[Finding],
 ) -> Answer:
+    expected, whole = errors
     if wrong:
         return Answer(answer="no", reason=wrong[0].text, value=wrong[0].value, unit=wrong[0].unit)
     if expected is None or not np.isfinite(expected):
@@ -157,7 +166,8 @@ def _prediction(
     others = "such motions'" if poor else "other motions'"
     what = "predicts another motion's" if confirmed else f"is expected to predict {others}"
     known = min(noise, expected)
-    text = f"it {what} torques to {expected:.1f} %, of which noise is {known:.1f} %"
+    shown = with_rests(f"{expected:.1f} %", f"{expected if whole is None else whole:.1f} %")
+    text = f"it {what} torques to {shown}, of which noise is {known:.1f} %"
     if beyond > USELESS_PREDICTION or (poor and beyond > GOOD_PREDICTION):
         reason = f"{text}; {poor[0].text}" if poor else text
         return Answer(answer="no", reason=reason, value=beyond, unit="%", limit=USELESS_PREDICTION)

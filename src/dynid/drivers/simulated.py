@@ -122,7 +122,7 @@ class SimulatedDriver(Driver):
                 self.states.append(state)
                 samples += 1
         except DynidError as error:
-            return samples, Abort("recording", str(error))
+            return samples, Abort("recording", error.line)
         return samples, None
 
 

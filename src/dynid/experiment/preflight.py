@@ -255,6 +255,17 @@ _E_SERIES = 5
 _SLIDER = 1e-3
 _STILL = 1e-3
 _MASS, _COG, _TCP = 0.01, 0.005, 0.005
+_STEPS = {
+    "model": "Design for the robot that is there.",
+    "rate": "Design for the robot that is there.",
+    "robot mode": "Switch it on and release its brakes at the pendant.",
+    "safety mode": "Clear the cause, then release the stop at the pendant.",
+    "program": "Stop the program at the pendant.",
+    "speed slider": "Set the speed slider to 100 %.",
+    "at rest": "Wait until nobody moves it.",
+    "network": "Connect this computer to the robot by cable.",
+}
+"""What to do about each thing that is not as it must be, where its finding does not say it."""
 _ANSWER_S = 0.5
 """A controller that answers later would hear of a stop too late [s]."""
 
@@ -285,7 +296,9 @@ def check_design(
         raise InputError(
             f"the design must not run on {plan.robot.name}: "
             + "; ".join(f"{item.kind} cannot be judged: {item.message}" for item in missing),
-            next_step=f"{missing[0].next_step} Or pass --accept-unjudged {missing[0].kind}.",
+            next_step=f"{missing[0].next_step} Or pass "
+            + " ".join(f"--accept-unjudged {item.kind}" for item in missing)
+            + ".",
         )
     if not certificate.holds:
         raise InputError(
@@ -330,15 +343,18 @@ def require_ready(checks: tuple[PreflightCheck, ...], where: str) -> None:
     Raises:
         JobError: Something was found; the message names all of it.
     """
-    wrong = [f"{check.name}: {check.finding}" for check in checks if not check.passed]
+    wrong = [check for check in checks if not check.passed]
     if wrong:
-        raise JobError(f"the robot is not ready; {'; '.join(wrong)}", where=where)
+        found = "; ".join(f"{check.name}: {check.finding}" for check in wrong)
+        steps = " ".join(_STEPS[check.name] for check in wrong if check.name in _STEPS)
+        raise JobError(f"the robot is not ready; {found}", where=where, next_step=steps or None)
 
 
 def _model(name: str, state: ControllerState) -> PreflightCheck:
     """The dashboard calls a UR5e a UR5; the major version tells them apart."""
     version = ".".join(str(part) for part in state.version[:3])
-    finding = f"{state.model or 'unknown model'}, software {version}"
+    series = "e" if state.version[0] >= _E_SERIES else "CB"
+    finding = f"{state.model or 'unknown model'}, software {version} ({series}-Series)"
     called = name.lower()
     # Without a dashboard there is only the version to go by.
     known = not state.model or state.model.lower().removesuffix("e") == called.removesuffix("e")

@@ -248,7 +248,7 @@ def write_model(estimate: EstimateLike, path: str | Path, to: str) -> ExportedFi
         path, to = to, str(path)
     estimate = open_estimate(estimate)
     if to not in FORMATS:
-        raise InputError("unknown format", where="--to", value=to, limit=", ".join(FORMATS))
+        raise InputError("unknown format", value=to, limit=", ".join(FORMATS))
     path = Path(path)
     model, completed = completed_model(estimate)
     kind = _FORMATS[to]

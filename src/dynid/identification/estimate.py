@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dynid.core import (
     Array,
@@ -15,6 +16,7 @@ from dynid.core import (
     Provenance,
     finding_from_json,
     freeze,
+    frozen,
     load_object,
     plain,
     provenance_from_json,
@@ -186,19 +188,31 @@ class Estimate:
 
     @overload
     def predict(
-        self, q: Array, dq: Array, ddq: Array, state: Array | None = None, *, interval: None = None
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        state: Array | None = None,
+        *,
+        interval: None = None,
     ) -> Array: ...
 
     @overload
     def predict(
-        self, q: Array, dq: Array, ddq: Array, state: Array | None = None, *, interval: float
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        state: Array | None = None,
+        *,
+        interval: float,
     ) -> TorquePrediction: ...
 
     def predict(
         self,
-        q: Array,
-        dq: Array,
-        ddq: Array,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
         state: Array | None = None,
         *,
         interval: float | None = None,
@@ -207,7 +221,12 @@ class Estimate:
 
         Samples stand for themselves. Those of a motion, in the order of time, show presliding
         friction as well, with `state` (n, N) from `InverseDynamicModel.friction_state`.
+
+        Raises:
+            InputError: Not numbers, or shapes that do not fit the robot or each other.
         """
+        shape, motion = (None, self.model.robot.joints), {"q": q, "dq": dq, "ddq": ddq}
+        q, dq, ddq = (frozen(v, shape=shape, name=k, finite=False) for k, v in motion.items())
         values = self.standard_parameters()
         torque = self.model.inverse_dynamics(q, dq, ddq, values, state)
         torque = read_only(torque - self.model.known_torque(q))

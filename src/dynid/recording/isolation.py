@@ -31,6 +31,7 @@ from dynid.core import (
     MissingExtraError,
     RecordError,
     finding_from_json,
+    in_words,
 )
 from dynid.recording.content import Budget
 from dynid.recording.record import ExperimentRecord, metadata_from_json, metadata_to_json
@@ -205,7 +206,7 @@ def _limit(budget: Budget) -> None:
 
 def _refuse(error: DynidError, answers: IO[bytes]) -> None:
     # Values of other types are shown as they would be in the message.
-    shown = {k: v if v is None or isinstance(v, str) else repr(v) for k, v in error.facts.items()}
+    shown = {k: None if v is None else in_words(v) for k, v in error.facts.items()}
     kind = next(name for name in (type(error).__name__, "RecordError") if name in _ERRORS)
     answers.write(json.dumps({"error": kind, **shown}).encode() + b"\n")
     answers.flush()

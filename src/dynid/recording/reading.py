@@ -315,7 +315,7 @@ def open_record(
     if isinstance(record, ExperimentRecord):
         found = record
     elif not isinstance(record, str | Path):  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise InputError("not a recording or its file", value=record)
+        raise InputError("not a recording or its file", value=type(record).__name__)
     else:
         _refuse_results(Path(record))
         try:
@@ -325,7 +325,8 @@ def open_record(
             if "--" not in step or "dynid import" in step or not os.path.exists(record):
                 raise
             command = f"dynid import {shlex.quote(str(record))} --robot ROBOT -o RECORD.parquet"
-            step = f"{step} It is an option of dynid import, which converts the file: {command}"
+            step = f"{step.rstrip('.')}. It is an option of dynid import, which converts the file: "
+            step += command
             raise error.changed(next_step=step) from error
     if gains is None:
         return found

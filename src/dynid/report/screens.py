@@ -75,12 +75,16 @@ def _percent(value: float) -> str:
 
 
 def lead(item: ReportedEstimate) -> str:
-    """What it was identified from and validated on."""
+    """What it was identified from and validated on, and its error there with the rests."""
     made = ", ".join(item.conditions)
     text = f"Identified from one recording ({made})" if made else "Identified from a recording"
     if item.validation is not None:
         tested = ", ".join(item.tested)
-        return f"{text}, validated on another motion" + (f" ({tested})." if tested else ".")
+        text = f"{text}, validated on another motion" + (f" ({tested})" if tested else "")
+        shown = item.validation
+        parts = (shown.moving, shown.metrics)
+        moving, whole = (_percent(part.relative_error_overall_percent) for part in parts)
+        return f"{text}." if moving == whole else f"{text}: {moving} in motion, {whole} with rests."
     return f"{text}; no other motion has been predicted."
 
 
@@ -91,8 +95,9 @@ def purposes(item: ReportedEstimate) -> tuple[PurposeAnswer, ...]:
     estimate, shown = item.estimate, item.shown
     names = joint_labels(estimate.model.robot.joint_names)
     error = float("nan") if shown is None else shown.moving.relative_error_overall_percent
+    unit = "% of torque in motion"
     if item.validation is None and estimate.assessment is not None:
-        error = estimate.assessment.expected_error_percent
+        error, unit = estimate.assessment.expected_error_percent, "% of torque"
     detail = ""
     if shown is not None:
         by_joint = shown.moving.relative_error_percent
@@ -107,7 +112,7 @@ def purposes(item: ReportedEstimate) -> tuple[PurposeAnswer, ...]:
     judged, within = item.verdict, f"within ±{PRECISE_PERCENT:g} % (1 σ)"  # noqa: RUF001
     words = _precise_words([estimate.names[k] for k in precise])
     return (
-        _purpose("Prediction", judged.prediction, number(error, 2), "% of torque", detail),
+        _purpose("Prediction", judged.prediction, number(error, 2), unit, detail),
         _purpose(
             "Parameters",
             judged.parameters,

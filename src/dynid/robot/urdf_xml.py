@@ -191,7 +191,7 @@ class _ShallowBuilder(ET.TreeBuilder):
         if self._depth > _MAX_DEPTH:
             raise ET.ParseError(f"elements nest more than {_MAX_DEPTH} deep")
         if "xacro" in tag:
-            raise ET.ParseError("this is a xacro file, not a URDF; run: xacro FILE > FILE.urdf")
+            raise ET.ParseError("this is a xacro file, not a URDF")
         return super().start(tag.rpartition("}")[2], attrs)
 
     def end(self, tag: str, /) -> ET.Element:

@@ -343,8 +343,12 @@ class RunSettings(SceneSettings):
     """Of the simulated noise."""
 
     def __post_init__(self) -> None:
-        kinds = tuple(kind.replace("-", "_") for kind in self.accept_unjudged)
+        given = self.accept_unjudged
+        kinds: Sequence[str] = [given] if isinstance(given, str) else given
+        kinds = tuple(kind.replace("-", "_") for kind in kinds)
         object.__setattr__(self, "accept_unjudged", kinds)
+        if isinstance(self.thermal, str):
+            object.__setattr__(self, "thermal", parse_thermal(self.thermal))
         check_options(self)
         if kinds:
             from dynid.constraints import DISTANCES, RATIOS
@@ -378,6 +382,7 @@ class IdentifySettings(Settings):
         "Friction terms, each for all joints or for some; default: by the preset.",
         parse=_terms,
     )
+    """Text is read as by `parse_terms`."""
     purpose: str = option(
         "anywhere",
         ("anywhere", "this-motion"),
@@ -403,6 +408,11 @@ class IdentifySettings(Settings):
     )
     frames: str = ""
     """`dh`, `mdh` or `urdf`."""
+
+    def __post_init__(self) -> None:
+        if isinstance(self.terms, str):  # pyright: ignore[reportUnnecessaryIsInstance]
+            object.__setattr__(self, "terms", _terms(self.terms, "--terms"))
+        check_options(self)
 
     @property
     def estimator_word(self) -> str | None:

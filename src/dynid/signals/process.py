@@ -179,7 +179,9 @@ def measured_torque(record: ExperimentRecord, robot: RobotModel) -> Array:
             "torque from current needs drive gains [N.m/A]",
             where=robot.name,
             value=f"no gain for {', '.join(missing)}",
-            next_step="Pass --gains g1,..,gn, or record effort.",
+            next_step="Pass --gains g1,..,gn; this recording shows them: dynid gains RECORD."
+            if {"target_current", "target_moment"} <= set(record.signals)
+            else "Pass --gains g1,..,gn, or record effort.",
         )
     return record.signals["current"] * gains
 

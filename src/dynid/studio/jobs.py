@@ -302,7 +302,7 @@ def main() -> int:
         talk.listen()
         result = _DO[job.kind](job, talk)
     except DynidError as error:
-        talk.say({"error": str(error)})
+        talk.say({"error": error.line})
         return error.exit_code
     except KeyboardInterrupt:
         talk.say({"error": "stopped before there was a result"})

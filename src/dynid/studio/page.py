@@ -358,7 +358,7 @@ class Page:
             self._ending = {"words": result["words"], "level": result["level"]}
             self._take_result(job.job, result)
         except DynidError as error:
-            self._ending = {"words": str(error), "level": "bad"}
+            self._ending = {"words": error.line, "level": "bad"}
 
     def _take_result(self, job: Job, result: dict[str, Any]) -> None:
         session = self.session

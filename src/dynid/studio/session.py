@@ -194,7 +194,7 @@ def _files(paths: list[Path], folder: Path, robot: str | None, *, strict: bool) 
         except DynidError as error:
             if strict:
                 raise
-            skipped.append((path.name, str(error)))
+            skipped.append((path.name, error.line))
     if model is None:
         reference = robot or DEFAULT_ROBOT
         model = load_robot(reference)
@@ -303,7 +303,7 @@ class Session:
                 around = replace(alone, scene=self.editor.to_json())
                 self.constraints = around.constraints(self.robot)
             except InputError as error:
-                self.scene_error = str(error)
+                self.scene_error = error.line
                 # The page shows a robot that cannot even be judged alone.
                 self.constraints = None
                 with suppress(InputError):

@@ -12,6 +12,7 @@ from dynid.workflow.demo import run_demo as run_demo
 from dynid.workflow.design_files import Check as Check
 from dynid.workflow.design_files import StoredDesign as StoredDesign
 from dynid.workflow.design_files import check as check
+from dynid.workflow.design_files import check_export as check_export
 from dynid.workflow.design_files import export_motion as export_motion
 from dynid.workflow.design_files import judge_of as judge_of
 from dynid.workflow.design_files import read_design as read_design

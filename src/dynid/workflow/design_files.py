@@ -20,6 +20,7 @@ from dynid.core import (
     dynid_version,
     file_hash,
     load_object,
+    provenance,
     write_text,
 )
 from dynid.excitation import ExcitationDesign
@@ -42,6 +43,7 @@ from dynid.trajectory import (
 )
 from dynid.workflow.analyze import unit_notes
 from dynid.workflow.design_limits import DesignLimits, given_limits, limits_from_json
+from dynid.workflow.recordings import robot_reference
 
 POSE_ACCELERATION = 5.0
 """Between the poses of a task, where the robot knows no limit [rad/s^2 or m/s^2]."""
@@ -121,13 +123,12 @@ class StoredDesign:
         return f"changed since it was certified: {', '.join(self.changed)}"
 
 
-DesignLike = ExcitationDesign | StoredDesign | StoredTrajectory | str | Path
-"""A design, what `read_design` or `read_trajectory` found, or the file of either."""
-TrajectoryLike = Trajectory | DesignLike
-"""A trajectory, or what holds one."""
+DesignLike = ExcitationDesign | StoredDesign | StoredTrajectory | Trajectory | str | Path
+"""A design, what `read_design` or `read_trajectory` found, or the file of either; a trajectory
+beside a robot."""
 
 
-def open_trajectory(motion: TrajectoryLike) -> Trajectory:
+def open_trajectory(motion: DesignLike) -> Trajectory:
     """One period of a motion.
 
     Args:
@@ -147,7 +148,7 @@ def open_trajectory(motion: TrajectoryLike) -> Trajectory:
 
 
 def write_design(
-    design: ExcitationDesign | StoredDesign | StoredTrajectory,
+    design: ExcitationDesign | StoredDesign | StoredTrajectory | Trajectory,
     path: str | Path,
     *,
     robot: RobotLike | None = None,
@@ -155,7 +156,8 @@ def write_design(
     """Write a design as JSON; it appears whole or not at all.
 
     Args:
-        design: The design, or what was read of one, which is written as it was.
+        design: The design, or what was read of one, which is written as it was; a trajectory needs
+            `robot`.
         path: The file; `read_design`, `dynid check` and `dynid run` take it.
         robot: The robot on its mounting, for one that no file holds; None for the design's.
 
@@ -163,6 +165,17 @@ def write_design(
         InputError: A place where no such file can be.
         JobError: The disk does not take it.
     """
+    if isinstance(design, Trajectory):
+        if robot is None:
+            raise InputError(
+                "a trajectory does not say which robot it is for", next_step="Pass --robot ROBOT."
+            )
+        design = StoredTrajectory(
+            trajectory=design,
+            robot=robot_reference(robot),
+            limits=load_robot(robot).limits.motion,
+            provenance=provenance(),
+        )
     if not isinstance(design, ExcitationDesign):
         _write_stored(design.stored if isinstance(design, StoredDesign) else design, path)
         return
@@ -353,7 +366,7 @@ def check(
     """Judge a design from its start to its end, between samples too.
 
     Args:
-        design: A design or its file, or any trajectory file.
+        design: A design or its file, any trajectory file, or a trajectory beside `robot`.
         settings: What it is held to, by default all that is safe, whatever the design was made
             for.
         robot: The robot, or another name or file of it.
@@ -372,6 +385,29 @@ def check(
 
 
 KINDS = ("csv", "urscript", "ros", *LANGUAGES)
+
+
+def check_export(kind: str, robot: RobotLike, trajectory: str) -> None:
+    """Refuse a format that cannot hold a motion before that is searched for.
+
+    Args:
+        kind: One of `KINDS`.
+        robot: The robot that is to move.
+        trajectory: The word of its kind of motion.
+
+    Raises:
+        InputError: Another kind of motion, or number of joints, than the format has.
+    """
+    if kind in LANGUAGES and trajectory != "points":
+        raise InputError(
+            "holds motions through points alone",
+            where=f"--{kind}",
+            value=trajectory,
+            next_step="Design with --trajectory points.",
+        )
+    joints = load_robot(robot).joints
+    if kind not in ("csv", "ros", "waypoints") and joints != 6:
+        raise InputError("needs six joints", where=f"--{kind}", value=joints, limit=6)
 
 
 def export_motion(design: ExcitationDesign, kind: str, path: str | Path) -> None:

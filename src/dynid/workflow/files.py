@@ -258,7 +258,7 @@ def fit(
         try:
             exports.append(write_model(result.estimate, folder / name, to))
         except DynidError as error:
-            failed.append((to, str(error)))
+            failed.append((to, error.line))
     page, _ = report(
         folder, folder / REPORT, progress=lambda what, share: tell(what, 0.85 + 0.15 * share)
     )

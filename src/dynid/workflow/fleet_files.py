@@ -155,7 +155,7 @@ def _contribution(job: tuple[str, str | None, str]) -> _Contribution | str:
             problem = IdentificationProblem(base=base, samples=samples)
             statistics = record_statistics(problem)
     except DynidError as error:
-        return str(error)
+        return error.line
     facts = {"model": reference, "key": _key(reference, terms)}
     facts |= {} if mount == "file" else {"mount": mount}
     for fact, keys in (("robot", ROBOT_KEYS), ("time", TIME_KEYS)):

@@ -312,9 +312,10 @@ def verdict(result: Identification) -> Verdict:
     fit = result.training.moving.relative_error_overall_percent
     confirmed = result.validation is not None and "same_record" not in kinds
     judged = result.validation if confirmed and result.validation is not None else result.training
-    expected, noise = None, noise_percent(judged)
+    expected, whole, noise = None, None, noise_percent(judged)
     if confirmed:
         expected = judged.moving.relative_error_overall_percent
+        whole = judged.metrics.relative_error_overall_percent
     elif estimate.assessment is not None:
         left_out = estimate.assessment
         expected = left_out.expected_error_percent
@@ -332,6 +333,7 @@ def verdict(result: Identification) -> Verdict:
         uncertain_share=uncertain,
         pays=None if estimate.assessment is None else estimate.assessment.pays,
         obstacle=simulator_obstacle(estimate),
+        whole_percent=whole,
     )
 
 

@@ -352,7 +352,7 @@ def _reporting_search(folder: Path, tell: Progress) -> _Found:
             elif str(fields.get("kind")).startswith("dynid."):
                 found.designs.append(_reported_design(path))
         except DynidError as error:
-            found.skipped.append((path.name, str(error)))
+            found.skipped.append((path.name, error.line))
     # Logs of other programs that were identified from as they are.
     for estimate in found.estimates.values():
         robot = estimate.model.robot

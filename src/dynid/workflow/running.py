@@ -54,7 +54,7 @@ from dynid.workflow.recordings import robot_reference
 
 def simulate_recording(
     robot: RobotLike,
-    trajectory: design_files.TrajectoryLike,
+    trajectory: design_files.DesignLike,
     *,
     rate_hz: float = 125.0,
     periods: int = 1,
@@ -207,7 +207,8 @@ def run_design(
     """Execute a design and record it.
 
     Args:
-        design: A design or its file, or any trajectory file.
+        design: A design or its file, any trajectory file, or a trajectory beside the robot of the
+            settings.
         output: The recording, `*.parquet`.
         on: `sim` for the simulated arm, which moves and carries what it is told without a
             certificate; `ur://HOST` for a UR controller.

@@ -100,8 +100,8 @@ class RunUntil:
         step = "Ask for less, or give the arm more room."
         if self.ended_by == OUT_OF_REACH:
             why = (
-                f"a run {LONGER:g} times as long would leave {told.after_longer_percent:.2g} %, of "
-                f"which {told.model_percent:.2g} % is the model's own error"
+                f"a run {LONGER:g} times as long would leave {told.after_longer_percent:.3g} %, of "
+                f"which {told.model_percent:.3g} % is the model's own error"
             )
             step = (
                 "Identify the recordings together: richer friction terms, gains or a warm arm may "
@@ -110,7 +110,7 @@ class RunUntil:
         raise JobError(
             "the accuracy was not reached",
             where="--until",
-            value=f"{told.found_percent:.2g} %",
+            value=f"{told.found_percent:.3g} %",
             limit=f"{self.asked_percent:g} %: {why}",
             next_step=step,
         )

@@ -221,7 +221,7 @@ class Intake:
                 self._recorder.append(now - self._first, signals, channels)
             except DynidError as error:
                 self._recorder = None
-                pump.stop(Abort("recording", str(error)))
+                pump.stop(Abort("recording", error.line))
             else:
                 self._samples += 1
                 self._indices.add(index)
