@@ -150,13 +150,16 @@ def parts_of(faces: Array, worth: float = WORTH) -> list[Array]:
     """
     parts = [faces]
     while len(parts) < PARTS:
-        options: list[tuple[float, int, int, float]] = []
-        for k, part in enumerate(parts):
-            options += [(room - _volume(part), k, axis, at) for room, axis, at in _cuts(part)]
+        volumes = [_volume(part) for part in parts]
+        options = [
+            (room - whole, k, axis, at)
+            for k, (part, whole) in enumerate(zip(parts, volumes, strict=True))
+            for room, axis, at in _cuts(part)
+        ]
         if not options:
             break
         gain, k, axis, at = min(options)
-        if -gain < (1 - worth) * sum(_volume(part) for part in parts):
+        if -gain < (1 - worth) * sum(volumes):
             break
         low = parts[k].mean(axis=1)[:, axis] < at
         parts[k : k + 1] = [parts[k][low], parts[k][~low]]
