@@ -207,7 +207,7 @@ def test_franka_robot_state(tmp_path: Path, storage: StoragePlugin) -> None:
         with sqlite3.connect(path) as database:
             database.execute("DROP TABLE message_definitions")
         database.close()
-        with pytest.raises(RecordError, match=r"FrankaRobotState.*ros2 topic echo csv"):
+        with pytest.raises(RecordError, match=r"FrankaRobotState.*ros2 topic echo --csv"):
             read_recording(tmp_path / "bag")
 
 

@@ -197,7 +197,7 @@ def test_a_single_joint_shows_gravity_inertia_and_friction() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"samples": 0}, "--samples: needs at least one sample; got 0"),
+        ({"samples": 0}, "samples: needs at least one sample; got 0"),
         ({"tolerance": 0.0}, "tolerance outside"),
         ({"tolerance": 1.0}, "tolerance outside"),
         ({"tolerance": float("nan")}, "tolerance outside"),

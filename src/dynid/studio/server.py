@@ -292,7 +292,8 @@ class _Visit(BaseHTTPRequestHandler):
         try:
             found, status = answer(), 200
         except (DynidError, OSError, ValueError, RecursionError, MemoryError) as error:
-            found, status = {"error": str(error) or type(error).__name__}, 400
+            said = error.line if isinstance(error, DynidError) else str(error)
+            found, status = {"error": said or type(error).__name__}, 400
         self._send(status, _encoded(found), "application/json")
 
     def _refuse(self, status: int, words: str) -> None:

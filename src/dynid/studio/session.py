@@ -367,7 +367,7 @@ class Session:
                 raise InputError(self.scene_error or "the robot's limits contradict each other")
             certificate = certify(motion.trajectory, constraints)
         except DynidError as error:
-            said = str(error)
+            said = error.line
         self.verdict = ShownVerdict(certificate, said, motion.name, changes)
         return self.verdict
 

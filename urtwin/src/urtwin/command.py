@@ -41,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         run_command(sys.argv[1:] if arguments is None else arguments, "urtwin")
     except DynidError as error:
-        print(f"urtwin: {error}", file=sys.stderr)
+        print(f"urtwin: {error.line}", file=sys.stderr)
         return error.exit_code
     except typer.TyperException as error:
         print(f"urtwin: {error.format_message()} See: urtwin --help", file=sys.stderr)
