@@ -42,6 +42,8 @@ PLANTED = (
     ("ur3", "fourier", 125.0, 20.0, 948220267, "commanded", "large"),
     # What is left of friction is half of the wrists' torque.
     ("ur5", "fourier", 125.0, 10.0, 665513205, "friction_compensated", "large"),
+    # It is not left of friction at rest: no pushes against joints that stand.
+    ("ur10e", "teach", 100.0, 30.0, 0, "friction_compensated", "large"),
     # Not all torques are larger: those of a body near the flange are.
     ("sliding", "fourier", 250.0, 15.0, 1032575860, "payload", "medium"),
     # Where the motion dwells, a large wave spreads over all orders.

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynid.core import Array, Finding
-from dynid.diagnosis.events import Contact, clock_scale, ripple, rows_of, untouched
+from dynid.diagnosis.events import REVERSAL, Contact, clock_scale, ripple, rows_of, untouched
 from dynid.diagnosis.explain import Explained, Explanation, explain
 from dynid.diagnosis.hypotheses import COUPLED, LEAST_DELAY_S
 from dynid.diagnosis.residual import ROWS, Recording, inertial_prior, reference
@@ -302,6 +302,10 @@ def _signals(
         found.append(Finding("saturated", text, joints=(j,), next_step="record a slower motion"))
     # The friction of coupled motors turns round where their ratio, which is estimated, says.
     doubted = {*stopped, *(j for e in explained.found if e.kind in COUPLED for j in e.joints)}
+    kinds = [] if made else _kind_of_torque(explained, torque, limit)
+    if kinds:
+        # Friction was taken off where joints move; what holds one of them at rest is not known.
+        touched = tuple(c for c in touched if len(c.joints) > 1 or _moving(rec, c))
     if not made:
         found += [_touched(c, robot) for c in touched if not set(c.joints) <= doubted]
     for j in range(robot.joints):
@@ -324,8 +328,7 @@ def _signals(
         text = "the torques contain no noise: computed by a model or controller, not measured"
         step = "record measured torques or currents"
         found.insert(0, Finding("commanded", text, next_step=step))
-    else:
-        found += _kind_of_torque(explained, torque, limit)
+    found += kinds
     noise = np.square(np.diff(rec.average(error.T), axis=1)).mean(axis=1) / 2
     beyond = np.maximum(np.square(explained.left) - noise, 0.0)
     share = float(np.sqrt(beyond.sum() / np.square(torque).sum()))
@@ -337,6 +340,13 @@ def _signals(
         step = "check robot, joint order, units and signs"
         found.append(Finding("unexplained", text, value=share, unit="1", next_step=step))
     return found
+
+
+def _moving(rec: Recording, contact: Contact) -> bool:
+    """Whether a joint that the contact loads moves meanwhile."""
+    fast = np.percentile(np.abs(rec.dq), 98, axis=0)
+    moves = np.abs(rec.dq) > REVERSAL * fast
+    return bool(moves[rows_of((contact,), rec.t)][:, list(contact.joints)].any())
 
 
 def _touched(contact: Contact, robot: RobotModel) -> Finding:
