@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from known_robot import NOISE, recording, ur5
+from scipy.signal import lfilter
 
 from dynid.core import InputError, JobError
 from dynid.identification import (
@@ -15,6 +16,7 @@ from dynid.identification import (
     naive_covariance,
 )
 from dynid.identification.problem import block_mean
+from dynid.identification.statistics import correlation_lag
 from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
@@ -119,6 +121,17 @@ def test_long_run_covariance_is_the_bartlett_sum() -> None:
         gamma = scores[:, k:] @ scores[:, :-k].T
         expected += (1 - k / (lag + 1)) * (gamma + gamma.T)
     np.testing.assert_allclose(long_run_covariance(scores, lag), expected, rtol=1e-10, atol=1e-10)
+
+
+def test_a_slow_part_below_white_noise_is_summed_to_its_end() -> None:
+    """The first autocorrelation alone, 0.48 here, asked for lags that hold two thirds of it."""
+    rho, generator = 0.95, np.random.default_rng(0)
+    white, drive = generator.normal(size=(2, 100, 2500))
+    slow = lfilter([np.sqrt(1 - rho**2)], [1, -rho], drive, axis=1)
+    noise = (white + slow) / np.sqrt(2)
+    lag = correlation_lag(noise[:6], 125.0)
+    variance = np.diag(long_run_covariance(noise, lag)).mean() / noise.shape[1]
+    assert 0.8 < variance / (0.5 + 0.5 * (1 + rho) / (1 - rho)) < 1.0
 
 
 def test_honest_deviations_are_never_below_naive_ones(problem: IdentificationProblem) -> None:

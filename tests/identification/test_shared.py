@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dynid.core import Array, InputError, JobError, upper_triangle
-from dynid.identification import IdentificationProblem, SharedProblem, fit_shared
+from dynid.identification import IdentificationProblem, SharedProblem, fit_shared, payload_of
 from dynid.identification.shared import solve_shared
 from dynid.reduction import BaseParametrization, reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
-from dynid.robot import load_robot
+from dynid.robot import is_physical, load_robot
 from dynid.signals import Samples
 
 EXACT = 1e-9
@@ -147,6 +149,19 @@ def test_unequal_noise_is_weighted_and_deviations_cover(base: BaseParametrizatio
     assert 0.8 < np.sqrt(np.mean(np.square(scores))) < 1.2
     together, noisy = np.mean(errors, axis=0)
     assert together < 0.1 * noisy
+
+
+def test_the_body_of_a_payload_is_the_solution_of_the_fit(base: BaseParametrization) -> None:
+    """How sure the fit is must not move it: sums of few residuals would."""
+    plain, _ = made(base, (1.0, 1.0), (1.0, 1.0), 0)
+    problem = replace(plain, loaded=(False, True))
+    fit = fit_shared(problem, one_noise=True)
+    found = payload_of(problem, fit)
+    assert not is_physical(found.free, 0.0)
+    assert is_physical(found.parameters)
+    spread = np.linspace(1.0, 5.0, len(fit.covariance))
+    unsure = replace(fit, covariance=fit.covariance * np.outer(spread, spread))
+    np.testing.assert_allclose(payload_of(problem, unsure).parameters, found.parameters, atol=EXACT)
 
 
 def test_records_that_do_not_belong_together_are_refused(base: BaseParametrization) -> None:

@@ -175,22 +175,24 @@ def payload_of(problem: SharedProblem, fit: SharedFit) -> Payload:
     turn = frame_map(np.asarray(link_in_flange, dtype=np.float64))
     free = turn @ fit.solution.shared[-PAYLOAD:]
     covariance = turn @ fit.covariance[-PAYLOAD:, -PAYLOAD:] @ turn.T
+    # The information of the fit weighs the data; the covariance judges what came of it.
+    metric = turn @ fit.naive[-PAYLOAD:, -PAYLOAD:] @ turn.T
     off = GAINS_OFF * turn @ fit.shares[-PAYLOAD:]
     covariance = (covariance + covariance.T) / 2 + off @ off.T
     # Beyond doubt below zero: the nearest body is none, and a search for it need not converge.
     taken_off = free[0] < -NORMAL_95 * float(np.sqrt(covariance[0, 0]))
-    body = np.zeros(PAYLOAD) if taken_off else nearest_body(free, covariance)
+    body = np.zeros(PAYLOAD) if taken_off else nearest_body(free, metric)
     return Payload(
         parameters=body,
         free=free,
         covariance=covariance,
         noise=fit.noise,
         samples=sum(item.blocks for item in problem.problems),
-        warnings=_findings(free, body, covariance),
+        warnings=_findings(free, covariance),
     )
 
 
-def _findings(free: Array, body: Array, covariance: Array) -> tuple[Finding, ...]:
+def _findings(free: Array, covariance: Array) -> tuple[Finding, ...]:
     notices: list[Finding] = []
     unseen = np.sqrt(np.diag(covariance)) > UNKNOWN / 2
     if unseen.any():
@@ -216,7 +218,7 @@ def _findings(free: Array, body: Array, covariance: Array) -> tuple[Finding, ...
             )
         )
         return tuple(notices)
-    gap = body - free
+    gap = nearest_body(free, covariance) - free
     distance = float(gap @ np.linalg.solve(covariance, gap))
     # Chi-square with ten degrees of freedom passes 29.6 once in a thousand times.
     if distance > 29.6:

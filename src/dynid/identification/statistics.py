@@ -215,7 +215,7 @@ def hac_covariance(fit: Fit, problem: IdentificationProblem) -> Array:
     scores, residual = scores_of(
         problem.chunks(), problem.blocks, fit.values, fit.weights, fit.row_weights
     )
-    lag = correlation_lag(residual, problem.rate_hz)
+    lag = correlation_lag(residual, problem.rate_hz, below_white=False)
     floor = np.diag(naive_covariance(fit))
     if autocorrelation(residual, 1).max() > MODEL_CORRELATION and fit.row_weights is None:
         floor = np.maximum(floor, np.diag(ar_covariance(fit, problem, residual)))
@@ -269,17 +269,27 @@ def sandwich(fit: Fit, bread: Array, long_run: Array, rows: int, lag: int, floor
     return covariance * raise_to[:, None] * raise_to[None, :]
 
 
-def correlation_lag(residual: Array, rate_hz: float, rows: int | None = None) -> int:
+def correlation_lag(
+    residual: Array, rate_hz: float, rows: int | None = None, *, below_white: bool = True
+) -> int:
     """Lags to include, from the residuals' autocorrelation.
 
-    Andrews' rule for Bartlett weights with an AR(1) fit, the slowest joint, and never less
-    than `MIN_LAG_S`. `rows` is how many rows there are where the residuals are a part of them.
+    Andrews' rule for Bartlett weights, each joint AR(1) noise beside white noise, the slowest
+    joint, and never less than `MIN_LAG_S`. `rows` is how many rows there are where the residuals
+    are a part of them. Without `below_white` it is AR(1) alone: fewer lags, whose sums scatter
+    less, for where `ar_covariance` stands below them.
     """
     samples = rows or residual.shape[1]
-    rho = np.clip(autocorrelation(residual, 1), 0.0, 0.995)
-    alpha = 4 * rho**2 / ((1 - rho) ** 2 * (1 + rho) ** 2)
+    first = np.clip(autocorrelation(residual, 1), 0.0, 0.995)
+    rho = first
+    if below_white:
+        # The first lag alone would understate a slow part below white noise: its decay counts.
+        square = np.square(residual).sum(axis=1)
+        rho = np.maximum(0.5 ** (1 / np.array(_reach(residual, square, first * square))), first)
+    share = 2 * first / (1 - rho)
+    alpha = np.square(share / (1 - rho) / (1 + share))
     rule = 1.1447 * (float(alpha.max(initial=0.0)) * samples) ** (1 / 3)
-    least = MIN_LAG_S * rate_hz if rho.max(initial=0.0) > 0.2 else 1.0
+    least = MIN_LAG_S * rate_hz if first.max(initial=0.0) > 0.2 else 1.0
     return int(np.clip(np.ceil(max(rule, least)), 1, max(1, int(MAX_LAG_SHARE * samples))))
 
 
