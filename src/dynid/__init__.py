@@ -11,7 +11,7 @@ The verbs of the command line, in the order of a job:
     import_recording            convert a recording
     identify, verdict           parameters with uncertainty, and whether to use them
     validate, compare           errors on another recording; what moved between two estimates
-    identify_shared, identify_temperature, identify_gains, identify_payload
+    identify_shared, identify_temperature, identify_gains, identify_payload, identify_gravity
     fleet                       many robots and days: shared inertias, friction trends, alarms
     write_model                 URDF, MJCF, JSON, C, Python
 
@@ -55,6 +55,7 @@ if TYPE_CHECKING:
         Estimate,
         Estimator,
         Fit,
+        GravityEstimate,
         IdentificationProblem,
         Payload,
         TemperatureModel,
@@ -119,6 +120,7 @@ if TYPE_CHECKING:
         identify,
         identify_gains,
         identify_gains_from_payload,
+        identify_gravity,
         identify_payload,
         identify_shared,
         identify_temperature,
@@ -152,6 +154,7 @@ __all__ = [
     "FourierSeries",
     "FrictionTerms",
     "GainsFromPayload",
+    "GravityEstimate",
     "Identification",
     "IdentificationProblem",
     "IdentifySettings",
@@ -194,6 +197,7 @@ __all__ = [
     "identify",
     "identify_gains",
     "identify_gains_from_payload",
+    "identify_gravity",
     "identify_payload",
     "identify_shared",
     "identify_temperature",

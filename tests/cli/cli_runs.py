@@ -26,6 +26,7 @@ COMMANDS = (
     "compare",
     "gains",
     "payload",
+    "gravity",
     "export",
     "report",
     "fleet",

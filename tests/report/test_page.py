@@ -142,6 +142,7 @@ def test_figures_are_written_as_files(page: Page, tmp_path: Path) -> None:
     assert len(written) >= 8
     assert all(file.read_text().startswith("<svg xmlns") for file in written)
     assert written[0].name == "01-measured-and-predicted-torque.svg"
+    assert any(file.name.endswith("uncertainty-over-poses.svg") for file in written)
     (tmp_path / "file").write_text("")
     with pytest.raises(dynid.InputError, match="need a folder"):
         write_figures(page[1], tmp_path / "file")

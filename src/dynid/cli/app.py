@@ -27,6 +27,7 @@ _COMMANDS: Mapping[str, Command | Callable[[typer.Typer], None]] = {
     "compare": robot_commands.compare_command,
     "gains": robot_commands.gains_command,
     "payload": robot_commands.payload_command,
+    "gravity": robot_commands.gravity_command,
     "export": result_commands.export_command,
     "report": result_commands.report_command,
     "fleet": result_commands.fleet_command,

@@ -207,6 +207,76 @@ def payload_command(
     )
 
 
+@ask.command(
+    "dynid gravity poses.csv --robot ur5",
+    "dynid gravity stops.parquet -o gravity.json",
+)
+def gravity_command(
+    record: Annotated[Path, ask.argument("RECORD", "Poses at rest, or a motion with stops.")],
+    robot: ask.RobotOption = None,
+    mount: MountOption = None,
+    gains: ask.GainsOption = None,
+    output: Annotated[
+        Path | None, ask.option("FILE", "Also write the parameters as JSON.", "--output", "-o")
+    ] = None,
+    everything: Annotated[bool, ask.flag("--all", "Print every parameter, in full.")] = False,
+    force: ask.ForceFlag = False,
+    json: ask.JsonFlag = False,
+) -> None:
+    """Gravity parameters and stiction, from poses at rest."""
+    from dynid.core import write_json
+    from dynid.figures import joint_unit
+    from dynid.robot import with_mount
+    from dynid.workflow import identify_gravity, open_records
+
+    if output is not None:
+        show.check_output(output, inputs=[record], suffix=".json", force=force)
+    (opened,), model = open_records([record], robot, ask.drive_gains(gains))
+    found = identify_gravity(opened, model if mount is None else with_mount(model, mount))
+    data = found.to_json()
+    if output is not None:
+        write_json(output, data)
+    if json:
+        show.print_json(data)
+        return
+    screen = show.console()
+    unit = joint_unit("N.m", model.prismatic)
+    screen.print(
+        f"{model.name}: {len(found.values)} gravity parameters from {found.poses} poses at rest",
+        style="bold",
+    )
+    given = found.published
+    rows = [
+        (
+            name,
+            show.number(float(found.left_out[j]), 3),
+            "-" if given is None else show.number(float(given[j]), 3),
+            f"{show.number(float(found.band[j]), 3)} ± {show.number(float(found.band_std[j]), 1)}",
+        )
+        for j, name in enumerate(model.joint_names)
+    ]
+    columns = ("joint", "left out", "published", "band (95 %)")
+    show.print_table(screen, f"RMS errors at poses left out, stiction band [{unit}]", columns, rows)
+    rows = [
+        (
+            row["expression"] if everything else _shortened(row["expression"]),
+            show.number(row["value"]),
+            show.number(row["std"], 2),
+            row["unit"],
+            "published inertias" if row["from_prior"] else "poses",
+        )
+        for row in data["parameters"]
+    ]
+    columns = ("combination", "value", "std", "unit", "from")
+    show.print_table(screen, "Gravity parameters", columns, rows, words=(0, 3, 4))
+    screen.print()
+    masses = [name for name in data["unseen"] if name.startswith("m")]
+    screen.print(
+        "Not identifiable at rest: inertia tensors, motor inertias, friction while moving, "
+        + ", ".join(masses)
+    )
+
+
 @ask.command("dynid compare cold.json warm.json", "dynid compare a.json b.json --json")
 def compare_command(
     a: Annotated[Path, ask.argument("A.json", "An estimate, such as that of the cold robot.")],

@@ -34,6 +34,8 @@ from dynid.identification.fleet import friction_names as friction_names
 from dynid.identification.fleet import record_statistics as record_statistics
 from dynid.identification.fleet import shared_names as shared_names
 from dynid.identification.fleet import solve_robot as solve_robot
+from dynid.identification.gravity import GravityEstimate as GravityEstimate
+from dynid.identification.gravity import gravity_of as gravity_of
 from dynid.identification.instrumental import ClosedLoop as ClosedLoop
 from dynid.identification.instrumental import InstrumentalVariables as InstrumentalVariables
 from dynid.identification.instrumental import OutputError as OutputError

@@ -20,6 +20,7 @@ from dynid.recording.reading import remembered_robot as remembered_robot
 from dynid.recording.record import JOINT_QUANTITIES as JOINT_QUANTITIES
 from dynid.recording.record import ExperimentRecord as ExperimentRecord
 from dynid.recording.record import RecordMetadata as RecordMetadata
+from dynid.recording.record import are_poses as are_poses
 from dynid.recording.record import identity as identity
 from dynid.recording.repair.pipeline import at_limit as at_limit
 from dynid.recording.repair.pipeline import check_channels as check_channels

@@ -291,3 +291,23 @@ def numbers_hash(record: ExperimentRecord) -> str:
         if name in record.signals:
             digest.update(record.signals[name].tobytes())
     return digest.hexdigest()
+
+
+JUMPS, LARGEST = 1.0, 0.05
+"""Mean squared second differences of positions over that of first ones: 3 of unrelated positions,
+1 of a sine with six samples a period, less of any motion that can be differentiated; without the
+largest differences, two and a share, which gaps may be."""
+AWAY, LEAST_POSES = 0.05, 8
+"""Range of a joint in which poses differ [rad or m], and the fewest poses that are told."""
+
+
+def are_poses(q: Array) -> bool:
+    """Whether rows (N, n) of positions are single poses, each unrelated to the one before."""
+    ranges = np.ptp(q, axis=0)
+    away = ranges > AWAY
+    if len(q) < LEAST_POSES or not away.any():
+        return False
+    share = q[:, away] / ranges[away]
+    squares = (np.square(np.diff(share, n=n, axis=0)).sum(axis=1) for n in (1, 2))
+    first, second = (np.sort(s)[: int((1 - LARGEST) * len(s)) - 2].mean() for s in squares)
+    return bool(second > JUMPS * first)

@@ -214,6 +214,7 @@ def reduce_model(
     samples: int = 25,
     seed: int = 0,
     tolerance: float = RANK_TOLERANCE,
+    static: bool = False,
 ) -> BaseParametrization:
     """Find the base parameters of a model.
 
@@ -226,6 +227,7 @@ def reduce_model(
         samples: Random points; raised to give at least three rows for two columns.
         seed: Seed of the random points.
         tolerance: Relative tolerance of the rank.
+        static: Of poses at rest: the base parameters are those of gravity.
 
     Raises:
         InputError: Samples below 1, a tolerance outside (0, 1).
@@ -237,8 +239,11 @@ def reduce_model(
     structural, warnings = _structural_model(model)
     # Three rows for two columns determine the rank; the paper's 25 points give 150 for 78.
     rows = max(samples, -(-3 * len(model.columns) // (2 * model.robot.joints)))
-    w = structural.observation_matrix(*random_states(model.robot, rows, seed))
-    if any(term == "fs" for term, _ in model.friction.terms):
+    q, dq, ddq = random_states(model.robot, rows, seed)
+    if static:
+        dq, ddq = np.zeros((2, *q.shape))
+    w = structural.observation_matrix(q, dq, ddq)
+    if not static and any(term == "fs" for term, _ in model.friction.terms):
         # Random speeds of pi rad/s rarely meet a Stribeck peak that ends near 0.1 rad/s.
         speed = 2 * model.friction.stribeck_velocity
         slow = random_states(model.robot, rows, seed + 1, speed)

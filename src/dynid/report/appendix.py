@@ -23,7 +23,7 @@ from dynid.report.figures import (
     singular_figure,
 )
 from dynid.report.screens import LEVEL_WORDS
-from dynid.validation import ValidationResult
+from dynid.validation import ValidationResult, uncertainty_over_poses
 
 SAMPLES = 1000
 QUANTITIES = (("position", "rad"), ("velocity", "rad/s"), ("acceleration", "rad/s^2"))
@@ -148,6 +148,9 @@ def chapters(contents: ReportContents) -> Iterator[Chapter]:
     if item.shown is not None:
         words = "A joint at rest can hold any torque within its stiction: judge by moving joints."
         yield Chapter("Errors by joint", [_errors(item, item.shown)], words=words)
+    if (poses := _poses_figure(item)) is not None:
+        words = "Do not use the model at poses where a curve comes near the RMS torque."
+        yield Chapter("Where to use it", figures=[poses], words=words)
     yield _parameters(item)
     if item.links is not None:
         yield _standard(item, item.links)
@@ -199,6 +202,41 @@ def _errors(item: ReportedEstimate, shown: ValidationResult) -> Table:
     rows.append((f"e_N (N = {whole.samples})", draw.number(whole.normalized_error), "", "", "", ""))
     columns = (f"RMS [{unit}]", f"RMS, moving [{unit}]", "relative [%]", "relative, moving [%]")
     return Table(("joint", *columns, "R²"), rows)
+
+
+def _poses_figure(item: ReportedEstimate) -> draw.Figure | None:
+    estimate = item.estimate
+    known, robot, seen = estimate.assessment, estimate.model.robot, estimate.motion
+    if known is None:
+        return None
+    panels: list[draw.Panel] = []
+    for j, found in enumerate(uncertainty_over_poses(estimate)):
+        scale = 1.0 if robot.prismatic[j] else 180.0 / np.pi
+        at, recorded = scale * found.position, scale * np.array([seen.lower[j], seen.upper[j]])
+        torque = float(known.torque[j])
+        panels.append(
+            draw.Panel(
+                title=joint_labels(robot.joint_names)[j],
+                x=draw.Axis(low=float(at[0]), high=float(at[-1])),
+                y=draw.Axis(low=0.0, high=1.1 * max(float(found.anywhere.max()), torque)),
+                marks=(
+                    draw.Spans([tuple(recorded.tolist())], name="recorded range"),
+                    draw.Level(torque, name="RMS torque of the recording"),
+                    draw.Line(at, found.anywhere, "predicted", "other joints anywhere", 2.0),
+                    draw.Line(at, found.near, "truth", "other joints as recorded", 1.6, "2 5"),
+                ),
+                height=112,
+                grid=True,
+            )
+        )
+    return draw.Figure(
+        title="Uncertainty over poses",
+        note=f"Half widths of 90 % intervals [{draw.joint_unit('N.m', robot.prismatic)}] that nine "
+        "of ten poses do not exceed, at half of the recorded speed.",
+        x=draw.Axis(low=-1, high=1, label=f"position [{draw.joint_unit('deg', robot.prismatic)}]"),
+        panels=tuple(panels),
+        columns=3,
+    )
 
 
 def _parameters(item: ReportedEstimate) -> Chapter:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, Indices, InputError, freeze
-from dynid.recording import ExperimentRecord, RecordLike, open_record
+from dynid.recording import ExperimentRecord, RecordLike, are_poses, open_record
 from dynid.robot import RobotLike, RobotModel, load_robot
 from dynid.signals import filters
 from dynid.signals.filters import METHODS, TorqueFilter
@@ -200,9 +200,16 @@ def uniform_signals(
     """The window of a recording on a uniform grid, torques on the joint side.
 
     Raises:
-        InputError: An empty window, no torque, or stamps without a usable rate.
+        InputError: An empty window, no torque, stamps without a usable rate, or single poses.
     """
     torque = measured_torque(record, robot)
+    if are_poses(record.signals["q"]):
+        raise InputError(
+            "these rows are no motion: each position is unrelated to the one before",
+            where=record.metadata.origin or None,
+            next_step="Identify gravity from poses at rest: dynid gravity RECORD. If it is a "
+            "motion, check the columns and the time stamps.",
+        )
     part = window(record.t, settings.start_s, settings.stop_s)
     velocity = record.signals.get("qd")
     return resample(

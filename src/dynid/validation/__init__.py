@@ -9,9 +9,11 @@ from dynid.validation.observer import MomentumObserver as MomentumObserver
 from dynid.validation.observer import contact_thresholds as contact_thresholds
 from dynid.validation.prediction import MOVING_SPEED as MOVING_SPEED
 from dynid.validation.prediction import Metrics as Metrics
+from dynid.validation.prediction import PoseUncertainty as PoseUncertainty
 from dynid.validation.prediction import ValidationResult as ValidationResult
 from dynid.validation.prediction import another_robot as another_robot
 from dynid.validation.prediction import reproduce as reproduce
 from dynid.validation.prediction import samples_of as samples_of
+from dynid.validation.prediction import uncertainty_over_poses as uncertainty_over_poses
 from dynid.validation.prediction import validate as validate
 from dynid.validation.prediction import validate_samples as validate_samples

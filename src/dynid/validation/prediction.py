@@ -398,3 +398,49 @@ def _at_rest(estimate: Estimate, moving: Mask) -> tuple[Finding, ...]:
             "makes the torque ambiguous there: use the metrics of moving samples",
         ),
     )
+
+
+POSES, PLACES = 40, 41
+"""Of the other joints, and of the joint that an uncertainty is given over."""
+MOST_POSES = 0.9
+"""Share of the poses whose intervals are no wider."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseUncertainty:
+    """How wide torque intervals of a joint are over its position."""
+
+    position: Array
+    """(K) positions of the joint [rad or m]."""
+    anywhere: Array
+    """(K) half widths of 90 % intervals, the other joints within their limits [N.m or N]."""
+    near: Array
+    """(K) the same, the other joints within the ranges of the recording."""
+
+
+def uncertainty_over_poses(estimate: Estimate) -> tuple[PoseUncertainty, ...]:
+    """Where a model is not to be used, joint by joint, before any second recording exists.
+
+    Half widths that nine of ten random poses of the other joints do not exceed, at half of the
+    recorded speeds and without acceleration. Joints without limits stand within a turn.
+
+    Raises:
+        InputError: The estimate knows no intervals.
+    """
+    robot, seen = estimate.model.robot, estimate.motion
+    far = np.maximum(np.abs(seen.lower), np.abs(seen.upper))
+    reach: Array = np.where(robot.prismatic, far, np.pi)
+    lower: Array = np.fmin(np.fmax(robot.limits.lower, -reach), seen.lower)
+    upper: Array = np.fmax(np.fmin(robot.limits.upper, reach), seen.upper)
+    share = np.random.default_rng(0).random((POSES, robot.joints))
+    found: list[PoseUncertainty] = []
+    for j in range(robot.joints):
+        own: Array = np.linspace(float(lower[j]), float(upper[j]), PLACES)
+        widths: list[Array] = []
+        for low, high in ((lower, upper), (seen.lower, seen.upper)):
+            q = np.repeat(low + share * (high - low), PLACES, axis=0)
+            q[:, j] = np.tile(own, POSES)
+            half = estimate.half_width(q, np.broadcast_to(seen.speed / 2, q.shape), 0 * q)
+            widths.append(np.quantile(half[:, j].reshape(POSES, PLACES), MOST_POSES, axis=0))
+        found.append(PoseUncertainty(position=own, anywhere=widths[0], near=widths[1]))
+    return tuple(found)

@@ -10,7 +10,14 @@ import numpy as np
 
 from dynid.core import Array, Finding, RecordError
 from dynid.recording.content import located
-from dynid.recording.record import UNITS, ExperimentRecord, RecordMetadata, identity, numbers_hash
+from dynid.recording.record import (
+    UNITS,
+    ExperimentRecord,
+    RecordMetadata,
+    are_poses,
+    identity,
+    numbers_hash,
+)
 from dynid.recording.repair import clock, joints, missing, motion, spikes, stamps
 from dynid.recording.table import TORQUE_SOURCES, Mask, RawTable, ReadOptions, rows_with
 from dynid.robot import RobotModel
@@ -285,6 +292,9 @@ def _start_clock(table: RawTable, rate_hz: float | None) -> RawTable:
                 next_step="Check the column of time, or leave it out and pass --rate.",
             )
         return table
+    if rate_hz is None and are_poses(table.signals["q"]):
+        # Single poses need no clock.
+        rate_hz = 1.0
     if rate_hz is None:
         raise RecordError(
             "the recording has no time",

@@ -1,0 +1,177 @@
+"""Gravity parameters, and what friction holds, from poses at rest.
+
+Without motion the torques are those of gravity, plus any torque within the band that friction
+can hold. A prior on the published inertias bears what the poses do not show.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dynid.core import Array, freeze
+from dynid.identification import least_squares
+from dynid.identification.bayesian import deviations, inertial_prior, posterior
+from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
+from dynid.reduction import BaseParametrization, reduce_model
+from dynid.regressor import InverseDynamicModel
+from dynid.robot import RobotModel
+from dynid.signals import Samples
+
+STILL_HZ = 1.0
+"""Rate and cut-off that samples without time are given."""
+BAND_SHARE = 0.95
+"""Share of the poses whose residuals lie within the band."""
+FROM_PRIOR = 0.7
+"""Standard deviation over the prior's from which the poses show little of a parameter."""
+LEAST_SPREAD = 1e-6
+"""Of the prior in any direction, over its largest."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GravityEstimate:
+    """Gravity parameters of a robot with their uncertainty, from poses at rest.
+
+    Raises:
+        InputError: Shapes that disagree.
+    """
+
+    base: BaseParametrization
+    """The model without motion: its base parameters are those of gravity."""
+    values: Array
+    """(r) base parameters."""
+    covariance: Array
+    """(r, r) of the values."""
+    prior_std: Array
+    """(r) standard deviations of the same parameters before any pose was measured."""
+    poses: int
+    """Number of poses."""
+    left_out: Array
+    """(n) RMS errors at each pose of the parameters of all others [N.m or N]."""
+    published: Array | None
+    """(n) RMS errors of the published masses and centres; None where links have none."""
+    band: Array
+    """(n) half-width that holds 95 % of those errors: what friction may hold [N.m or N]."""
+    band_std: Array
+    """(n) its standard deviation."""
+
+    def __post_init__(self) -> None:
+        r, n = self.base.rank, self.base.model.robot.joints
+        freeze(self, values=(r,), covariance=(r, r), prior_std=(r,))
+        freeze(self, left_out=(n,), band=(n,), band_std=(n,))
+
+    @property
+    def std(self) -> Array:
+        """(r) standard deviations of the values."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """Standard parameters that no torque at rest depends on."""
+        names = self.base.model.names
+        return tuple(names[k] for k in self.base.classes.unidentifiable)
+
+    @property
+    def from_prior(self) -> tuple[bool, ...]:
+        """(r) whether these poses say little of a parameter beside the published inertias."""
+        return tuple((self.std > FROM_PRIOR * self.prior_std).tolist())
+
+    def predict(self, q: Array) -> Array:
+        """Torques (N, n) of gravity [N.m or N] at positions q (N, n) [rad or m]."""
+        model, still = self.base.model, np.zeros_like(q)
+        columns = model.stack(q, still, still)[list(self.base.independent)]
+        return np.tensordot(self.values, columns, axes=1).T - model.known_torque(q)
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object."""
+        model = self.base.model
+        parameters = self.base.to_standard(self.values)
+        links = parameters[: 10 * model.robot.joints].reshape(-1, 10)[:, :4]
+        rows = zip(
+            self.base.names, self.base.expressions, self.base.units, self.values.tolist(),
+            self.std.tolist(), self.from_prior, strict=True,
+        )  # fmt: skip
+        keys = ("name", "expression", "unit", "value", "std", "from_prior")
+        return {
+            "robot": model.robot.name,
+            "frames": model.frames,
+            "poses": self.poses,
+            "parameters": [dict(zip(keys, row, strict=True)) for row in rows],
+            "links": [
+                dict(zip(("m", "mx", "my", "mz"), row, strict=True)) for row in links.tolist()
+            ],
+            "left_out_rms": self.left_out.tolist(),
+            "published_rms": None if self.published is None else self.published.tolist(),
+            "stiction_band": self.band.tolist(),
+            "stiction_band_std": self.band_std.tolist(),
+            "unseen": list(self.unseen),
+        }
+
+
+def gravity_of(robot: RobotModel, q: Array, torque: Array, *, frames: str = "") -> GravityEstimate:
+    """The gravity parameters that torques at rest show.
+
+    Joints are weighted by their own scatter, which is friction and noise. The prior is that of
+    published inertias and their spread (`deviations`), of plausible bodies where there are none.
+
+    Args:
+        robot: The robot.
+        q: (P, n) positions at rest [rad or m].
+        torque: (P, n) torques there [N.m or N].
+        frames: Parameter frames; the default is the robot's own.
+
+    Raises:
+        InputError: Too few poses, or shapes that do not fit.
+    """
+    model = InverseDynamicModel(robot=robot, frames=frames)
+    base = reduce_model(model, static=True)
+    still = np.zeros_like(q)
+    samples = Samples(
+        t=np.arange(len(q)) / STILL_HZ, q=q, dq=still, ddq=still, tau=torque,
+        rate_hz=STILL_HZ, cutoff_hz=STILL_HZ,
+    )  # fmt: skip
+    problem = IdentificationProblem(base=base, samples=samples)
+    inertial, mapping = 10 * robot.joints, base_mapping(base)
+    mean = mapping[:, :inertial] @ inertial_prior(robot, model.frames).parameters.ravel()
+    spread = mapping[:, :inertial] @ deviations(robot, model.frames)
+    turn, sizes, _ = np.linalg.svd(spread, full_matrices=False)
+    sizes = np.maximum(sizes, LEAST_SPREAD * sizes[0])
+    root = turn.T / sizes[:, None]
+    factors = joint_factors(problem)
+    fit = least_squares.reweighted(
+        problem, factors, None, lambda weights: posterior(factors, weights, mean, root)
+    )
+    inverse = np.linalg.inv(fit.information)
+    covariance = inverse @ inverse.T
+    columns = model.stack(q, still, still)[list(base.independent)].transpose(2, 1, 0)
+    left = torque + model.known_torque(q) - columns @ fit.values
+    # Leaving a pose out changes its own residuals by the share that it has in the fit.
+    share = columns @ covariance @ (columns * np.square(fit.weights)[:, None]).transpose(0, 2, 1)
+    others = np.asarray(np.linalg.inv(np.eye(robot.joints) - share), dtype=np.float64)
+    errors = np.einsum("pij,pj->pi", others, left)
+    given = torque + model.known_torque(q) - columns @ mean
+    band, band_std = _band(errors)
+    return GravityEstimate(
+        base=base,
+        values=fit.values,
+        covariance=covariance,
+        prior_std=np.linalg.norm(turn * sizes, axis=1),
+        poses=len(q),
+        left_out=_rms(errors),
+        published=_rms(given) if robot.published.all() else None,
+        band=band,
+        band_std=band_std,
+    )
+
+
+def _rms(errors: Array) -> Array:
+    return np.sqrt(np.square(errors).mean(axis=0))
+
+
+def _band(errors: Array) -> tuple[Array, Array]:
+    """(n) half-width that holds `BAND_SHARE` of errors (P, n), and its standard deviation."""
+    size, beside = np.abs(errors), np.sqrt(BAND_SHARE * (1 - BAND_SHARE) / len(errors))
+    low, middle, high = np.quantile(
+        size, [BAND_SHARE - beside, BAND_SHARE, min(BAND_SHARE + beside, 1.0)], axis=0
+    )
+    return middle, (high - low) / 2
