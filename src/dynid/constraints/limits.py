@@ -163,14 +163,20 @@ class Unjudged:
 
     kind: str
     """One of `RATIOS` or `DISTANCES`."""
-    message: str
-    """What is missing."""
+    causes: tuple[str, ...]
+    """What is missing; notes of the certificate may be among them."""
     next_step: str
     """What to give."""
 
-    def to_json(self) -> dict[str, str]:
+    @property
+    def message(self) -> str:
+        """What is missing, in one line."""
+        return "; ".join(self.causes)
+
+    def to_json(self) -> dict[str, Any]:
         """The form that `--json` prints."""
-        return {"kind": self.kind, "message": self.message, "next_step": self.next_step}
+        said = {"kind": self.kind, "message": self.message, "causes": list(self.causes)}
+        return said | {"next_step": self.next_step}
 
 
 def judged_points(
@@ -211,7 +217,7 @@ def unknown_masses(kind: str) -> Unjudged:
     """That a kind needs masses which the robot does not give."""
     return Unjudged(
         kind=kind,
-        message="a mass or centre of mass is unknown",
+        causes=("a mass or centre of mass is unknown",),
         next_step="Give [inertia] in a robot file.",
     )
 
@@ -349,7 +355,7 @@ def unknown_limit(robot: RobotModel, kind: str, which: Mask) -> Unjudged:
     """That the robot gives no limit of a kind for some joints."""
     return Unjudged(
         kind=kind,
-        message=f"no {kind} limit is known of {_joints(robot, which)}",
+        causes=(f"no {kind} limit is known of {_joints(robot, which)}",),
         next_step=f"Give [limits] {kind} in a robot file.",
     )
 

@@ -233,7 +233,7 @@ def _surroundings(
         unjudged.append(
             Unjudged(
                 kind="environment",
-                message=f"there can be no floor at the mounting plane: {error.what}",
+                causes=(f"there can be no floor at the mounting plane: {error.what}",),
                 next_step=f"{error.next_step or 'Say where it is: --floor HEIGHT.'} Where there is "
                 "none: --floor none.",
             )
@@ -247,7 +247,7 @@ def _surroundings(
             unjudged.append(
                 Unjudged(
                     kind=kind,
-                    message="; ".join(notes[said:]) or "no shapes are known of the robot",
+                    causes=tuple(notes[said:]) or ("no shapes are known of the robot",),
                     next_step="Give its links shapes: [[capsule]] in a robot file, or "
                     "meshes (--mesh-dir DIR).",
                 )

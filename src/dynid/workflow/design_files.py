@@ -315,7 +315,7 @@ def judge_of(design: StoredDesign, asked: SceneSettings) -> tuple[DesignLimits, 
     if moved and asked.scene is None and judge.settings.self_collision:
         lost = Unjudged(
             kind="environment",
-            message="the scene was edited since the motion was certified",
+            causes=("the scene was edited since the motion was certified",),
             next_step='Pass the scene: --scene SCENE.json ({"shapes": []} for an empty one).',
         )
         judge.unjudged = (*judge.unjudged, lost)

@@ -306,7 +306,7 @@ def _made_ready(
         lines = [f"{check.name}: {check.finding}" for check in checks]
         lines += [f"mounted as: {plan.robot.mount} (the robot cannot tell; look)"]
         lines += [f"NOT JUDGED: {item.kind}: {item.message}" for item in certificate.unjudged]
-        lines += [*unit_notes(plan.robot), *certificate.notes]
+        lines += [*unit_notes(plan.robot), *certificate.assumed]
         if (said := loaded.describe_digest()) is not None:
             lines.append(said)
         lines += [
