@@ -360,6 +360,51 @@ def unknown_limit(robot: RobotModel, kind: str, which: Mask) -> Unjudged:
     )
 
 
+MOST_TURNS = 4.0
+"""No joint with cables through it makes more, to either side."""
+FASTEST = 30.0
+"""[rad/s] Faster than the joints of any arm that carries its own weight."""
+UNLIMITED = 1e4
+"""Files write such numbers, or larger ones, where there is no limit."""
+LONGEST = 20.0
+"""[m] Longer than any arm with serial joints."""
+DENSEST = 1000.0
+"""[kg/m^3] Mass over the cube of the length: five times that of any arm."""
+LIGHTEST = 100.0
+"""[kg] A mass below this is no doubt, however short the arm."""
+
+
+def doubted_units(robot: RobotModel) -> list[Unjudged]:
+    """What in a robot's description is probably not in SI units: a limit that does not hold."""
+    limits, turning = robot.limits, ~np.array(robot.prismatic)
+    reach = float(np.linalg.norm(robot.placements[:, :3, 3], axis=1).sum())
+    mass = float(np.nansum(robot.inertias[:, 0]))
+    found: list[Unjudged] = []
+
+    def doubt(kind: str, cause: str, unit: str) -> None:
+        step = f"Give it in {unit} in the robot file or URDF."
+        found.append(Unjudged(kind=kind, causes=(cause,), next_step=step))
+
+    position = np.fmax(np.abs(limits.lower), np.abs(limits.upper))
+    for kind, unit, values, most, given in (
+        ("position", "rad", position, MOST_TURNS * 2 * math.pi, "degrees"),
+        ("velocity", "rad/s", limits.velocity, FASTEST, "degrees a second"),
+    ):
+        # A comparison with an unknown limit (NaN) is false.
+        joints = np.flatnonzero((values > most) & (values < UNLIMITED) & turning).tolist()
+        if joints:
+            names = ", ".join(str(j + 1) for j in joints)
+            reached = f"reach {values[joints].max():.4g} {unit}, and look like {given}"
+            doubt(kind, f"the {kind} limits of joint {names} {reached}", unit)
+    if reach > LONGEST:
+        said = f"the arm is {reach:.4g} m long: its lengths look like millimetres"
+        doubt("self_collision", said, "m")
+    elif mass > max(DENSEST * reach**3, LIGHTEST) and turning.all():
+        said = f"the arm of {reach:.3g} m has {mass:.4g} kg: its masses look like grams"
+        doubt("torque", said, "kg")
+    return found
+
+
 def _joints(robot: RobotModel, which: Mask) -> str:
     if which.all():
         return "any joint"

@@ -23,6 +23,7 @@ from dynid.constraints.limits import (
     bound_notes,
     bound_ratios,
     bound_violation,
+    doubted_units,
     judged_points,
     left_over,
     speed_violation,
@@ -50,7 +51,9 @@ class MotionConstraints:
             )
         self.robot = robot
         self.settings = settings
-        unjudged: list[Unjudged] = []
+        asked = {"torque": settings.torque, "self_collision": settings.self_collision}
+        doubts = doubted_units(robot)
+        unjudged: list[Unjudged] = [item for item in doubts if asked.get(item.kind, True)]
         notes = bound_notes(robot, settings.bounds, unjudged)
         self.surroundings = _surroundings(robot, settings, notes, unjudged)
         loaded = _loaded(robot)

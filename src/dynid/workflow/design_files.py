@@ -41,7 +41,6 @@ from dynid.trajectory import (
     ur_program,
     write_trajectory,
 )
-from dynid.workflow.analyze import unit_notes
 from dynid.workflow.design_limits import DesignLimits, given_limits, limits_from_json
 from dynid.workflow.recordings import robot_reference
 
@@ -380,8 +379,7 @@ def check(
         stored = read_design(path, robot=robot, mount=asked.mount, mesh_dirs=asked.mesh_dirs)
     held, judge = judge_of(stored, asked)
     found = certify(stored.stored.trajectory, judge)
-    certificate = replace(found, notes=(*unit_notes(stored.robot), *found.notes))
-    return Check(design=stored, limits=held, certificate=certificate)
+    return Check(design=stored, limits=held, certificate=found)
 
 
 KINDS = ("csv", "urscript", "ros", *LANGUAGES)
