@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import dynid
-from dynid.constraints import doubted_units
+from dynid.constraints import doubted_units, safe_constraints
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "robots").glob("*.toml"))
 ARM = """
@@ -46,6 +46,18 @@ def test_what_is_not_si_is_named(tmp_path: Path) -> None:
     (doubt,) = doubted_units(replace(ur5, inertias=1000.0 * ur5.inertias))
     assert "look like grams" in doubt.message
     assert doubt.kind == "torque"
+    bodies = [
+        replace(body, points=body.points / 1000, radius=body.radius / 1000)
+        if body.link == 4
+        else body
+        for body in ur5.bodies
+    ]
+    tiny = replace(ur5, bodies=tuple(bodies))
+    assert [item.kind for item in doubted_units(tiny)] == ["self_collision", "environment"]
+    assert "what wrist_1_joint moves" in doubted_units(tiny)[0].message
+    assert [item.kind for item in safe_constraints(tiny, floor="none").unjudged] == [
+        "self_collision"
+    ]
 
 
 def test_analyses_designs_and_checks_say_it(tmp_path: Path) -> None:
@@ -59,6 +71,15 @@ def test_analyses_designs_and_checks_say_it(tmp_path: Path) -> None:
         assert document["certificate"] == "unjudged"
         assert not document["feasible"]
         assert "look like degrees" in document["unjudged"][0]["message"]
+
+
+def test_where_no_motion_is_found_the_probable_cause_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dynid.excitation.purpose.free_poses", lambda *_: np.zeros((0, 3)))
+    settings = dynid.DesignSettings(starts=1, harmonics=2, period_s=4.0)
+    with pytest.raises(dynid.InputError, match=r"keeps the limits.*look like millimetres"):
+        dynid.design(written(tmp_path / "arm.toml", length=400.0), settings)
 
 
 @pytest.mark.parametrize("robot", [*EXAMPLES, *(known.name for known in dynid.robots())], ids=str)

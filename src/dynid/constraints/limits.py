@@ -370,6 +370,8 @@ LONGEST = 20.0
 """[m] Longer than any arm with serial joints."""
 DENSEST = 1000.0
 """[kg/m^3] Mass over the cube of the length: five times that of any arm."""
+THINNEST = 0.01
+"""Size of a link's bodies over the arm's length: a fifth of that of the smallest wrist."""
 LIGHTEST = 100.0
 """[kg] A mass below this is no doubt, however short the arm."""
 
@@ -402,6 +404,16 @@ def doubted_units(robot: RobotModel) -> list[Unjudged]:
     elif mass > max(DENSEST * reach**3, LIGHTEST) and turning.all():
         said = f"the arm of {reach:.3g} m has {mass:.4g} kg: its masses look like grams"
         doubt("torque", said, "kg")
+    size = np.full(robot.joints + 1, -math.inf)
+    for body in robot.bodies:
+        extent = float(np.ptp(body.points, axis=0).max()) + 2 * body.radius
+        size[body.link] = max(size[body.link], extent)
+    small = (size[1:] >= 0) & (size[1:] < THINNEST * reach)
+    if small.any():
+        widest = 1000 * size[1:][small].max()
+        said = f"the shapes of what {_joints(robot, small)} moves are {widest:.2g} mm large"
+        for kind in ("self_collision", "environment"):
+            doubt(kind, f"{said}: their scale looks wrong", "m")
     return found
 
 

@@ -51,7 +51,9 @@ class MotionConstraints:
             )
         self.robot = robot
         self.settings = settings
+        around = settings.scene is not None or settings.floor != "none"
         asked = {"torque": settings.torque, "self_collision": settings.self_collision}
+        asked["environment"] = settings.self_collision and around
         doubts = doubted_units(robot)
         unjudged: list[Unjudged] = [item for item in doubts if asked.get(item.kind, True)]
         notes = bound_notes(robot, settings.bounds, unjudged)
