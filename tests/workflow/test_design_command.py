@@ -342,7 +342,7 @@ def test_programs_for_other_players_run_alone_and_say_what_was_not_judged(
         "# dynid: certified, feasible; not judged: torque, tcp_speed, elbow_speed, momentum, power"
     )
     for text in (program.read_text(), ros.read_text()):
-        assert f"{said}, self_collision, environment, the way to the start\n" in text
+        assert f"{said}, power, self_collision, environment, the way to the start\n" in text
     # Nobody feeds a program that is sent by hand: it stopped before it moved.
     assert "watchdog" not in program.read_text()
 
