@@ -338,9 +338,7 @@ def test_programs_for_other_players_run_alone_and_say_what_was_not_judged(
     words = ("--limits", "paper", "--for", "cond", "--urscript", program, "--ros", ros)
     code, _, err = run("design", "ur5", "-o", tmp_path / "d.json", *QUICK, *words)
     assert (code, err) == (0, "")
-    said = (
-        "# dynid: certified, feasible; not judged: torque, tcp_speed, elbow_speed, momentum, power"
-    )
+    said = "# dynid: certified, feasible; not judged: torque, tcp_speed, elbow_speed, momentum"
     for text in (program.read_text(), ros.read_text()):
         assert f"{said}, power, self_collision, environment, the way to the start\n" in text
     # Nobody feeds a program that is sent by hand: it stopped before it moved.
