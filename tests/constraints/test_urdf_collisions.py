@@ -81,9 +81,15 @@ def test_what_a_robot_says_of_its_bodies_is_passed_on() -> None:
         bodies=tuple(body for body in built_in.bodies if body.link != 4),
         body_notes=("a mesh was not found",),
     )
-    notes = safe_constraints(bare).notes
-    assert "a mesh was not found" in notes
-    assert any("wrist_1_joint" in note and "not judged" in note for note in notes)
+    judge = safe_constraints(bare)
+    assert "a mesh was not found" in judge.notes
+    assert any("wrist_1_joint" in note and "not judged" in note for note in judge.notes)
+    # What is told as the cause of something unjudged is not told twice; words alike are.
+    still = FourierSeries(offset=np.zeros(6), a=np.zeros((6, 1)), b=np.zeros((6, 1)), period=1.0)
+    certificate = certify(still, judge)
+    assert "a mesh was not found" in certificate.unjudged[0].to_json()["causes"]
+    assert "a mesh" in replace(certificate, notes=(*certificate.notes, "a mesh")).assumed
+    assert "a mesh was not found" not in certificate.assumed
 
 
 def test_a_robot_without_bodies_is_not_judged() -> None:

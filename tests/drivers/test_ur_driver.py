@@ -17,8 +17,11 @@ from gentle_motion import CYCLES, MIDDLE, RATE, ListRecorder, gentle, gentle_exe
 
 from dynid.core import InputError, JobError
 from dynid.drivers import Outcome, ServojDriver, UrDriver, inspect
-from dynid.drivers.ur.driver import APPROACH, SLACK, approach
+from dynid.drivers.ur.driver import APPROACH, SLACK, Stream, Way
 from dynid.drivers.ur.link import RtdeLink
+from dynid.drivers.ur.pump import Refused
+from dynid.drivers.ur.state import recorded
+from dynid.protocol import Recipe
 from urtwin import RunningController, controller_process, own_address
 
 SAME = 1e-12
@@ -187,45 +190,70 @@ def test_it_rests_at_every_way_point(controller: RunningController) -> None:
 
 
 class _Control:
-    """Stands for ur_rtde's, with moves that take two looks."""
+    """Stands for ur_rtde's: a move takes two looks."""
 
-    def __init__(self, cancel: threading.Event | None = None) -> None:
+    def __init__(self, reach: float = 1.0, *, runs: bool = True) -> None:
         self.moves: list[list[float]] = []
-        self.stopped = False
-        self._left, self._cancel = 0, cancel
+        self.kicked, self.served = threading.Event(), threading.Event()
+        self.q, self._reach, self._runs, self._left = [0.0] * 6, reach, runs, 0
 
-    def moveJ(self, q: list[float], speed: float, acceleration: float, wait: bool) -> None:
+    def setWatchdog(self, least_hz: float) -> bool:
+        return self._runs
+
+    def kickWatchdog(self) -> bool:
+        self.kicked.set()
+        return self._runs
+
+    def moveJ(self, q: list[float], speed: float, acceleration: float, wait: bool) -> bool:
         assert self._left == 0, "the last move has not ended"
         self.moves.append(q)
-        self._left = 2
-        if self._cancel is not None and len(self.moves) == 2:
-            self._cancel.set()
+        self.q, self._left = [self._reach * value for value in q], 2
+        return True
 
     def getAsyncOperationProgress(self) -> int:
         self._left = max(self._left - 1, 0)
         return 0 if self._left > 0 else -1
 
-    def isProgramRunning(self) -> bool:
+    def servoJ(self, q: list[float], *_: float) -> bool:
+        self.served.set()
         return True
 
-    def kickWatchdog(self) -> bool:
-        return True
 
-    def stopJ(self, deceleration: float) -> None:
-        self.stopped = True
+def _stream(control: _Control, packages: int) -> list[bytes | None]:
+    """What is answered to packages that arrive at the end of the way to the start."""
+    execution = gentle_execution()
+    layout, feed = recorded((3, 15, 8)), Recipe.of(["input_int_register_24"], ["INT32"], 1)
+    way = Way(control, (*POINTS, execution.setpoints()[0]))
+    stream = Stream(control, layout, feed, execution, way)
+    try:
+        while not way.arrived.wait(0.01) and way.is_alive():
+            pass
+        # Until packages arrive, by a slow network for instance, its watchdog needs something too.
+        for _ in range(3):
+            control.kicked.clear()
+            assert not way.arrived.is_set() or control.kicked.wait(10.0)
+        numbers = [0.0] * max(place.stop for place in layout.places.values())
+        numbers[layout.places["target_q"]] = control.q
+        return [stream.answer(numbers) for _ in range(packages)]
+    finally:
+        way.leave()
 
 
-def test_streaming_starts_after_the_same_way() -> None:
-    poses = [*POINTS, MIDDLE]
+def test_streaming_starts_after_the_same_way_and_its_watchdog_is_always_fed() -> None:
     control = _Control()
-    assert approach(control, poses, threading.Event()) is None
-    np.testing.assert_array_equal(control.moves, poses)
-    wish = threading.Event()
-    stopped = _Control(wish)
-    abort = approach(stopped, poses, wish)
-    assert abort is not None
-    assert stopped.stopped
-    assert len(stopped.moves) == 2
+    assert all(_stream(control, 3))
+    np.testing.assert_array_equal(control.moves, [*POINTS, gentle_execution().setpoints()[0]])
+
+
+def test_no_set_point_is_sent_to_an_arm_that_is_elsewhere() -> None:
+    control = _Control(reach=0.9)
+    with pytest.raises(Refused, match="ended elsewhere"):
+        _stream(control, 40)
+    ended = _Control(runs=False)
+    with pytest.raises(Refused, match="ended on the way"):
+        _stream(ended, 1)
+    assert not control.served.is_set()
+    assert not ended.served.is_set()
 
 
 APPROACHES = """

@@ -455,3 +455,9 @@ def test_an_option_is_said_with_the_command_that_takes_it(tmp_path: Path) -> Non
     np.savetxt(path, table, delimiter=",", header=",".join(["t", *names]), comments="")
     with pytest.raises(RecordError, match=r"pass degrees=True\. It is an option of dynid import, "):
         open_record(path, load_robot("ur5"))
+    # Dashes alone are no option of ours: rtde's recorder has that one.
+    binary = tmp_path / "binary.csv"
+    binary.write_bytes(b"timestamp actual_q_0\nDOUBLE DOUBLE\n" + bytes(64))
+    with pytest.raises(RecordError) as caught:
+        open_record(binary, load_robot("ur5"))
+    assert caught.value.next_step == "Record again without --binary."

@@ -303,14 +303,25 @@ _BODY = (
 
 def _published(masses: Sequence[float], ixx: float, iyy: float, com: str) -> list[int]:
     """Numbers of each link that are known."""
+    robot = _serial(masses, ixx, iyy, com)
+    known: list[int] = np.isfinite(robot.inertias).sum(axis=1).tolist()
+    assert any("placeholder" in note for note in robot.notes) == (min(known) < 10)
+    return known
+
+
+def _serial(masses: Sequence[float], ixx: float, iyy: float, com: str) -> RobotModel:
     links = "".join(
         _BODY.format(k=k + 1, p=k, mass=mass, ixx=ixx, iyy=iyy, com=com)
         for k, mass in enumerate(masses)
     )
-    robot = robot_from_urdf(f'<robot name="arm"><link name="l0"/>{links}</robot>'.encode())
-    known: list[int] = np.isfinite(robot.inertias).sum(axis=1).tolist()
-    assert any("placeholder" in note for note in robot.notes) == (min(known) < 10)
-    return known
+    return robot_from_urdf(f'<robot name="arm"><link name="l0"/>{links}</robot>'.encode())
+
+
+def test_an_arm_without_any_mass_is_unknown_and_not_weightless() -> None:
+    robot = _serial([0, 0, 0], 0.0, 0.0, "0 0 0")
+    assert np.isnan(robot.inertias).all()
+    assert robot.notes == ("no link that moves has a mass: all are taken as unknown",)
+    assert np.isfinite(_serial([3, 0, 0], 0.0, 0.0, "0 0 0").inertias).all()
 
 
 def test_placeholders_of_inertias_are_unknown() -> None:

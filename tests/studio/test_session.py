@@ -33,6 +33,7 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "scene.json").write_text(json.dumps(BOX))
     (tmp_path / "broken.json").write_text('{"kind": "dynid.fourier"}')
     (tmp_path / "other.json").write_text("[1, 2]")
+    (tmp_path / "log.CSV").write_text("t,q1\n0,0\n")
     return tmp_path
 
 
@@ -41,7 +42,8 @@ def test_a_directory_is_opened_with_all_that_lies_in_it(folder: Path) -> None:
     assert [item.name for item in opened.motions] == ["motion.json", "record.parquet"]
     assert [item.trajectory is not None for item in opened.motions] == [True, False]
     assert opened.scene == BOX
-    assert [name for name, _ in opened.skipped] == ["broken.json"]
+    assert [name for name, _ in opened.skipped] == ["broken.json", "log.CSV"]
+    assert "drop it" in dict(opened.skipped)["log.CSV"]
     assert (opened.robot.name, opened.reference) == ("ur5", "ur5")
     assert kind_of(folder / "scene.json") == "scene"
     assert kind_of(folder / "other.json") == ""

@@ -105,6 +105,9 @@ def test_programs_read_back_are_the_motion() -> None:
     np.testing.assert_allclose(np.radians(joints), poses, atol=1e-8)
     assert all(f"\\T:={LEG:.6f}" in line and "fine" in line for line in lines[1:])
     assert all("untested" in text for text in (krl, rapid))
+    for language, mark in (("movej", "  # "), ("krl", "; "), ("rapid", "    ! ")):
+        text = points_text(motion, language, limits, comment="not judged: torque")
+        assert re.search(rf"^{mark}untested.*; not judged: torque$", text, re.MULTILINE)
 
 
 def test_other_motions_have_no_points() -> None:

@@ -331,6 +331,20 @@ def test_bad_input_is_one_clear_message(
     assert not Path("d.json").exists()
 
 
+def test_programs_for_other_players_run_alone_and_say_what_was_not_judged(
+    run: Run, tmp_path: Path
+) -> None:
+    program, ros = tmp_path / "d.script", tmp_path / "d.yaml"
+    words = ("--limits", "paper", "--for", "cond", "--urscript", program, "--ros", ros)
+    code, _, err = run("design", "ur5", "-o", tmp_path / "d.json", *QUICK, *words)
+    assert (code, err) == (0, "")
+    said = "# dynid: certified, feasible; not judged: torque, tcp_speed, elbow_speed, momentum"
+    for text in (program.read_text(), ros.read_text()):
+        assert f"{said}, power, self_collision, environment, the way to the start\n" in text
+    # Nobody feeds a program that is sent by hand: it stopped before it moved.
+    assert "watchdog" not in program.read_text()
+
+
 def test_contradictory_limits_are_named(run: Run, tmp_path: Path) -> None:
     arm = written_arm(tmp_path, upper=-2.0)
     code, _, err = run("design", arm, "-o", tmp_path / "d.json")

@@ -1,4 +1,4 @@
-"""Degrees and millimetres in robot files are said; real arms are not suspected."""
+"""Degrees, millimetres and grams in robot files certify nothing; real arms are not suspected."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import dynid
-from dynid.workflow.analyze import unit_notes
+from dynid.constraints import doubted_units, safe_constraints
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "robots").glob("*.toml"))
 ARM = """
@@ -39,9 +39,25 @@ def test_what_is_not_si_is_named(tmp_path: Path) -> None:
         ({"speed": 150.0}, "velocity limits of joint 2 reach 150 rad/s"),
         ({"length": 400.0}, "look like millimetres"),
     ):
-        (note,) = unit_notes(dynid.load_robot(written(path, **change)))
-        assert said in note
-    assert unit_notes(dynid.load_robot(written(path))) == ()
+        (doubt,) = doubted_units(dynid.load_robot(written(path, **change)))
+        assert said in doubt.message
+    assert doubted_units(dynid.load_robot(written(path))) == []
+    ur5 = dynid.load_robot("ur5")
+    (doubt,) = doubted_units(replace(ur5, inertias=1000.0 * ur5.inertias))
+    assert "look like grams" in doubt.message
+    assert doubt.kind == "torque"
+    bodies = [
+        replace(body, points=body.points / 1000, radius=body.radius / 1000)
+        if body.link == 4
+        else body
+        for body in ur5.bodies
+    ]
+    tiny = replace(ur5, bodies=tuple(bodies))
+    assert [item.kind for item in doubted_units(tiny)] == ["self_collision", "environment"]
+    assert "what wrist_1_joint moves" in doubted_units(tiny)[0].message
+    assert [item.kind for item in safe_constraints(tiny, floor="none").unjudged] == [
+        "self_collision"
+    ]
 
 
 def test_analyses_designs_and_checks_say_it(tmp_path: Path) -> None:
@@ -49,22 +65,31 @@ def test_analyses_designs_and_checks_say_it(tmp_path: Path) -> None:
     settings = dynid.DesignSettings(starts=1, harmonics=2, period_s=4.0)
     file = tmp_path / "design.json"
     found = dynid.design(tmp_path / "arm.toml", settings, output=file)
-    for notes in (
-        dynid.analyze(arm).to_json()["notes"],
-        found.to_json()["notes"],
-        dynid.check(file).to_json()["notes"],
-    ):
-        assert "look like degrees" in notes[0]
+    assert "look like degrees" in dynid.analyze(arm).to_json()["notes"][0]
+    for judged in (found, dynid.check(file), dynid.check(file, limits="paper")):
+        document = judged.to_json()
+        assert document["certificate"] == "unjudged"
+        assert not document["feasible"]
+        assert "look like degrees" in document["unjudged"][0]["message"]
+
+
+def test_where_no_motion_is_found_the_probable_cause_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dynid.excitation.purpose.free_poses", lambda *_: np.zeros((0, 3)))
+    settings = dynid.DesignSettings(starts=1, harmonics=2, period_s=4.0)
+    with pytest.raises(dynid.InputError, match=r"keeps the limits.*look like millimetres"):
+        dynid.design(written(tmp_path / "arm.toml", length=400.0), settings)
 
 
 @pytest.mark.parametrize("robot", [*EXAMPLES, *(known.name for known in dynid.robots())], ids=str)
 def test_real_arms_are_not_suspected(robot: object) -> None:
     model = dynid.load_robot(robot if isinstance(robot, Path) else str(robot))
-    assert unit_notes(model) == ()
+    assert doubted_units(model) == []
 
 
 def test_joints_without_limits_are_not_suspected() -> None:
     robot = dynid.load_robot("ur5")
     for value in (np.inf, np.nan, 1e16):
         wide = replace(robot.limits, velocity=np.full(6, value))
-        assert unit_notes(replace(robot, limits=wide)) == ()
+        assert doubted_units(replace(robot, limits=wide)) == []

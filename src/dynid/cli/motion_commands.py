@@ -50,7 +50,7 @@ def _print_certificate(screen: Console, data: Mapping[str, Any]) -> None:
     )
     for item in data["unjudged"]:
         screen.print(f"- unjudged: {item['kind']}: {item['message']}. {item['next_step']}")
-    told = " ".join(item["message"] for item in data["unjudged"])
+    told = {cause for item in data["unjudged"] for cause in item["causes"]}
     for note in data["notes"]:
         if note not in told:
             screen.print(f"- {note}.")

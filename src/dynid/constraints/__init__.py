@@ -12,6 +12,7 @@ from dynid.constraints.limits import DISTANCES as DISTANCES
 from dynid.constraints.limits import RATIOS as RATIOS
 from dynid.constraints.limits import Unjudged as Unjudged
 from dynid.constraints.limits import Worst as Worst
+from dynid.constraints.limits import doubted_units as doubted_units
 from dynid.constraints.motion import CLEARANCE as CLEARANCE
 from dynid.constraints.motion import MARGIN as MARGIN
 from dynid.constraints.motion import PRESETS as PRESETS

@@ -45,6 +45,12 @@ class Certificate:
     """What was asked for and could not be judged."""
 
     @property
+    def assumed(self) -> tuple[str, ...]:
+        """The notes that are not among the causes of something unjudged."""
+        told = {cause for item in self.unjudged for cause in item.causes}
+        return tuple(note for note in self.notes if note not in told)
+
+    @property
     def holds(self) -> bool:
         """Whether no limit that is judged is broken and no clearance missed, at any time."""
         return not self.broken

@@ -163,14 +163,20 @@ class Unjudged:
 
     kind: str
     """One of `RATIOS` or `DISTANCES`."""
-    message: str
-    """What is missing."""
+    causes: tuple[str, ...]
+    """What is missing; notes of the certificate may be among them."""
     next_step: str
     """What to give."""
 
-    def to_json(self) -> dict[str, str]:
+    @property
+    def message(self) -> str:
+        """What is missing, in one line."""
+        return "; ".join(self.causes)
+
+    def to_json(self) -> dict[str, Any]:
         """The form that `--json` prints."""
-        return {"kind": self.kind, "message": self.message, "next_step": self.next_step}
+        said = {"kind": self.kind, "message": self.message, "causes": list(self.causes)}
+        return said | {"next_step": self.next_step}
 
 
 def judged_points(
@@ -211,7 +217,7 @@ def unknown_masses(kind: str) -> Unjudged:
     """That a kind needs masses which the robot does not give."""
     return Unjudged(
         kind=kind,
-        message="a mass or centre of mass is unknown",
+        causes=("a mass or centre of mass is unknown",),
         next_step="Give [inertia] in a robot file.",
     )
 
@@ -349,9 +355,66 @@ def unknown_limit(robot: RobotModel, kind: str, which: Mask) -> Unjudged:
     """That the robot gives no limit of a kind for some joints."""
     return Unjudged(
         kind=kind,
-        message=f"no {kind} limit is known of {_joints(robot, which)}",
+        causes=(f"no {kind} limit is known of {_joints(robot, which)}",),
         next_step=f"Give [limits] {kind} in a robot file.",
     )
+
+
+MOST_TURNS = 4.0
+"""No joint with cables through it makes more, to either side."""
+FASTEST = 30.0
+"""[rad/s] Faster than the joints of any arm that carries its own weight."""
+UNLIMITED = 1e4
+"""Files write such numbers, or larger ones, where there is no limit."""
+LONGEST = 20.0
+"""[m] Longer than any arm with serial joints."""
+DENSEST = 1000.0
+"""[kg/m^3] Mass over the cube of the length: five times that of any arm."""
+THINNEST = 0.01
+"""Size of a link's bodies over the arm's length: a fifth of that of the smallest wrist."""
+LIGHTEST = 100.0
+"""[kg] A mass below this is no doubt, however short the arm."""
+
+
+def doubted_units(robot: RobotModel) -> list[Unjudged]:
+    """What in a robot's description is probably not in SI units: a limit that does not hold."""
+    limits, turning = robot.limits, ~np.array(robot.prismatic)
+    reach = float(np.linalg.norm(robot.placements[:, :3, 3], axis=1).sum())
+    mass = float(np.nansum(robot.inertias[:, 0]))
+    found: list[Unjudged] = []
+
+    def doubt(kind: str, cause: str, unit: str) -> None:
+        step = f"Give it in {unit} in the robot file or URDF."
+        found.append(Unjudged(kind=kind, causes=(cause,), next_step=step))
+
+    position = np.fmax(np.abs(limits.lower), np.abs(limits.upper))
+    for kind, unit, values, most, given in (
+        ("position", "rad", position, MOST_TURNS * 2 * math.pi, "degrees"),
+        ("velocity", "rad/s", limits.velocity, FASTEST, "degrees a second"),
+    ):
+        # A comparison with an unknown limit (NaN) is false.
+        joints = np.flatnonzero((values > most) & (values < UNLIMITED) & turning).tolist()
+        if joints:
+            names = ", ".join(str(j + 1) for j in joints)
+            reached = f"reach {values[joints].max():.4g} {unit}, and look like {given}"
+            doubt(kind, f"the {kind} limits of joint {names} {reached}", unit)
+    if reach > LONGEST:
+        said = f"the arm is {reach:.4g} m long: its lengths look like millimetres"
+        doubt("self_collision", said, "m")
+    elif mass > max(DENSEST * reach**3, LIGHTEST) and turning.all():
+        said = f"the arm of {reach:.3g} m has {mass:.4g} kg: its masses look like grams"
+        doubt("torque", said, "kg")
+    size = np.full(robot.joints + 1, -math.inf)
+    for body in robot.bodies:
+        extent = float(np.ptp(body.points, axis=0).max()) + 2 * body.radius
+        size[body.link] = max(size[body.link], extent)
+    small = (size[1:] >= 0) & (size[1:] < THINNEST * reach)
+    if small.any():
+        widest = 1000 * size[1:][small].max()
+        said = f"the shapes of what {_joints(robot, small)} moves are {widest:.2g} mm large"
+        for kind in ("self_collision", "environment"):
+            doubt(kind, f"{said}: their scale looks wrong", "m")
+    return found
 
 
 def _joints(robot: RobotModel, which: Mask) -> str:

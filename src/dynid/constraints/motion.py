@@ -23,6 +23,7 @@ from dynid.constraints.limits import (
     bound_notes,
     bound_ratios,
     bound_violation,
+    doubted_units,
     judged_points,
     left_over,
     speed_violation,
@@ -50,7 +51,11 @@ class MotionConstraints:
             )
         self.robot = robot
         self.settings = settings
-        unjudged: list[Unjudged] = []
+        around = settings.scene is not None or settings.floor != "none"
+        asked = {"torque": settings.torque, "self_collision": settings.self_collision}
+        asked["environment"] = settings.self_collision and around
+        doubts = doubted_units(robot)
+        unjudged: list[Unjudged] = [item for item in doubts if asked.get(item.kind, True)]
         notes = bound_notes(robot, settings.bounds, unjudged)
         self.surroundings = _surroundings(robot, settings, notes, unjudged)
         loaded = _loaded(robot)
@@ -233,7 +238,7 @@ def _surroundings(
         unjudged.append(
             Unjudged(
                 kind="environment",
-                message=f"there can be no floor at the mounting plane: {error.what}",
+                causes=(f"there can be no floor at the mounting plane: {error.what}",),
                 next_step=f"{error.next_step or 'Say where it is: --floor HEIGHT.'} Where there is "
                 "none: --floor none.",
             )
@@ -247,7 +252,7 @@ def _surroundings(
             unjudged.append(
                 Unjudged(
                     kind=kind,
-                    message="; ".join(notes[said:]) or "no shapes are known of the robot",
+                    causes=tuple(notes[said:]) or ("no shapes are known of the robot",),
                     next_step="Give its links shapes: [[capsule]] in a robot file, or "
                     "meshes (--mesh-dir DIR).",
                 )

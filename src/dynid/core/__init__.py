@@ -12,6 +12,7 @@ from dynid.core.errors import JobError as JobError
 from dynid.core.errors import MissingExtraError as MissingExtraError
 from dynid.core.errors import RecordError as RecordError
 from dynid.core.errors import RobotError as RobotError
+from dynid.core.errors import UnclearRecordError as UnclearRecordError
 from dynid.core.errors import check_word as check_word
 from dynid.core.errors import checked as checked
 from dynid.core.errors import in_python as in_python

@@ -133,6 +133,10 @@ class RecordError(InputError):
     """A recording cannot be read or does not fit the robot."""
 
 
+class UnclearRecordError(RecordError):
+    """A recording that options of `dynid import` make readable; its next step names them."""
+
+
 class MissingExtraError(InputError):
     """An optional dependency is not installed."""
 

@@ -131,10 +131,10 @@ def safe_motions(
         if x is not None:
             found.append(problem.family.trajectory(x[:, 0], x[:, 1:]).evaluate(times))
     if not found:
+        doubts = [f"{item.message}." for item in constraints.unjudged]
         raise InputError(
             "no motion was found that keeps the limits",
-            next_step="Check the scene and the limits: dynid check lists those that a motion "
-            "violates.",
+            next_step=" ".join(["Check the scene and the limits.", *doubts]),
         )
     return found
 

@@ -10,7 +10,7 @@ from datetime import date
 
 import numpy as np
 
-from dynid.core import Array, Finding, RecordError, printable
+from dynid.core import Array, Finding, RecordError, UnclearRecordError, printable
 
 _CLOCK = (
     r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2}(?:[.,:]\d+)?))?"
@@ -267,7 +267,7 @@ def refuse_unit(quantity: str, unit: str, column: str) -> RecordError:
             "Map the columns as a current, for example --columns t=0,q=1:7,current=13:19, and "
             f"give the torque of one unit [N.m/{unit[:10]}] a joint with --gains g1,..,gn."
         )
-    return RecordError(
+    return UnclearRecordError(
         f"column '{column[:60]}' is in a unit that dynid does not convert",
         value=unit[:20],
         limit=", ".join(sorted(known_units(quantity))),

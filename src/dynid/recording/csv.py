@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.core import Finding, RecordError
+from dynid.core import Finding, RecordError, UnclearRecordError
 from dynid.recording.cells import split
 from dynid.recording.columns import assign
 from dynid.recording.content import Budget
@@ -338,7 +338,7 @@ def _read(tables: list[Dialect], options: ReadOptions) -> RawTable:
         written = {" ": "ur-csv", ",": "ur-rtde-csv"}.get(sheets[0].dialect.delimiter, "csv")
         format = written if of_ur else "csv"
     elif format != "csv" and not of_ur:
-        raise RecordError(
+        raise UnclearRecordError(
             f"the header is not that of a {format} file",
             next_step="Use --format csv, with --columns where needed.",
         )
@@ -406,13 +406,13 @@ def _all_names(sheets: list[Sheet]) -> tuple[str, ...] | None:
 def _no_header(sheets: list[Sheet]) -> RecordError:
     for sheet in sheets:
         if sheet.dialect.header_cells:
-            return RecordError(
+            return UnclearRecordError(
                 f"the header has {sheet.dialect.header_cells} names but the rows have "
                 f"{sheet.dialect.width} cells",
                 where=sheet.dialect.path.name,
                 next_step="Repair the header, or name the columns by number with --columns.",
             )
-    return RecordError(
+    return UnclearRecordError(
         "there is no header that names the columns",
         value=f"{sum(sheet.width for sheet in sheets)} columns",
         next_step="Name them with --columns, for example t=0,q=1:7,qd=7:13,current=13:19.",

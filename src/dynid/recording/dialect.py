@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from dynid.core import RecordError
+from dynid.core import RecordError, UnclearRecordError
 from dynid.recording.cells import count, is_missing, is_name, is_number, is_stamp, is_unit, split
 from dynid.recording.content import first_bytes, unreadable
 from dynid.recording.names import parse_name
@@ -284,7 +284,7 @@ def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
         lines = written
     best, sign, width = _best(lines[:_SCORED], DELIMITERS if given is None else (given,))
     if width == 0:
-        raise RecordError(
+        raise UnclearRecordError(
             "there are no rows of numbers",
             where=path.name,
             next_step="Check the file, or name its --delimiter.",

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Finding, RecordError, printable
+from dynid.core import Array, Finding, RecordError, UnclearRecordError, printable
 from dynid.recording.cells import factors_of, refuse_unit
 from dynid.recording.names import OTHER, TARGET, Name, parse_name, split_joint, words_of
 from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, Clock, RawTable, find_clocks, stamps_of
@@ -58,13 +58,13 @@ class Family:
         found = [column for _, column in self.members]
         if any(name.index is not None for name, _ in self.members):
             indices = sorted(name.index for name, _ in self.members if name.index is not None)
-            raise RecordError(
+            raise UnclearRecordError(
                 f"a column of {quantity} is missing or there twice: joints {indices}",
                 value=[names[column] for column in found],
                 next_step="Check the header, or name the columns with --columns.",
             )
         if len(found) > 1 and not self.joints:
-            raise RecordError(
+            raise UnclearRecordError(
                 f"{len(found)} columns are called {printable(names[found[0]])!r}",
                 next_step="Choose them with --columns.",
             )
@@ -165,7 +165,7 @@ def _choose(
             clocks = find_clocks(list(map(parse_name, names)), names, tied[0].scope)
             if clocks:
                 columns = {"t": list(clocks[0].columns), **columns}
-            raise RecordError(
+            raise UnclearRecordError(
                 f"{len(tied)} sets of columns can be {quantity}",
                 value=", ".join(family.label for family in tied),
                 next_step=f"Choose with --columns, for those of {tied[0].label}: "
@@ -178,7 +178,7 @@ def _choose(
     like = [family for family in families.get("", []) if _is_torque_like(family)]
     if like and not set(TORQUE_SOURCES) & set(chosen):
         if len(like) > 1:
-            raise RecordError(
+            raise UnclearRecordError(
                 "more than one set of columns can be torques",
                 value=", ".join(family.label for family in like),
                 next_step="Choose with --columns, for example "
@@ -304,7 +304,7 @@ def match_headers(names: Sequence[str], joints: Sequence[str] = ()) -> Match:
                 raise refuse_unit(quantity, units[at], names[found[at]])
             width = len(columns.get("q", found))
             if len(found) != width:
-                raise RecordError(
+                raise UnclearRecordError(
                     f"{quantity} has {len(found)} columns but q has {width}",
                     next_step="Check the header, or name the columns with --columns.",
                 )
@@ -351,7 +351,7 @@ def require_one_order(
     if len(columns) < 2 or bool(named) == bool(of_q) or (named or of_q) == base:
         return
     told = ("q", quantity) if of_q else (quantity, "q")
-    raise RecordError(
+    raise UnclearRecordError(
         f"{told[0]} names its joints and {told[1]} only numbers them",
         value=printable(", ".join(named or of_q), 200),
         next_step=f"List the columns of {told[0]} base to tip with --columns and --robot, "

@@ -30,6 +30,7 @@ from dynid.core import (
     JobError,
     MissingExtraError,
     RecordError,
+    UnclearRecordError,
     finding_from_json,
     in_words,
 )
@@ -41,7 +42,8 @@ Read = RawTable | ExperimentRecord
 """What files hold: a table to be repaired, or an own recording, which is complete."""
 Reader = Callable[[list[Path], ReadOptions, Budget], Read]
 _ERRORS: dict[str, type[DynidError]] = {
-    kind.__name__: kind for kind in (InputError, JobError, MissingExtraError, RecordError)
+    kind.__name__: kind
+    for kind in (InputError, JobError, MissingExtraError, RecordError, UnclearRecordError)
 }
 _LOOK_S = 0.25
 """Between two looks at the CPU time."""

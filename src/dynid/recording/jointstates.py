@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dynid.core import Array, RecordError, printable
+from dynid.core import Array, RecordError, UnclearRecordError, printable
 from dynid.recording import bagfiles
 from dynid.recording.content import Budget, first_bytes
 from dynid.recording.messages import (
@@ -103,7 +103,7 @@ def _choose_topic(topics: Mapping[str, _Collector], joints: int) -> str:
     many = [name for name, item in topics.items() if 2 * item.count > topics[best].count]
     rivals = sorted(name for name in many if standing[name] == standing[best] and name != best)
     if rivals and standing[best][0]:
-        raise RecordError(
+        raise UnclearRecordError(
             f"{1 + len(rivals)} topics can be the robot's state",
             value=[best, *rivals],
             next_step=f"Choose one, for example --topic {best}.",
@@ -191,7 +191,7 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
         rest = [f"{item.name} ({item.kind})" for item in catalog.topics.values()]
         rest = sorted(text for text in rest if text.partition(" ")[0] != chosen)[:10]
         others = printable(", ".join(rest), 500)
-        raise RecordError(
+        raise (UnclearRecordError if rest else RecordError)(
             f"there is neither current nor effort: no message of {chosen} has efforts",
             next_step="Record the topic that has them"
             + (f", or choose it with --topic, of {others}." if rest else "."),

@@ -21,7 +21,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from dynid.core import Array, RecordError, printable, require
+from dynid.core import Array, RecordError, UnclearRecordError, printable, require
 from dynid.recording.bagfiles import Catalog, Message, Topic
 from dynid.recording.columns import assign
 from dynid.recording.content import ZSTD_MAGIC, inflate
@@ -378,7 +378,7 @@ def _choose(
         return fits[0], samples[fits[0].name]
     described = [f"{item.name} ({item.kind})" for item in fits or topics.values()][:20]
     if fits:
-        raise RecordError(
+        raise UnclearRecordError(
             f"{len(fits)} topics can be the robot's state",
             value=described,
             next_step=f"Choose one, for example --topic {fits[0].name}.",

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar, cast
 
-from dynid.core import InputError, RecordError, file_hash, like_named
+from dynid.core import InputError, RecordError, UnclearRecordError, file_hash, like_named
 from dynid.recording.arrayfiles import read_frame, read_hdf5, read_json, read_mat, read_npz
 from dynid.recording.columns import parse_columns
 from dynid.recording.content import Budget, first_bytes, located, unreadable
@@ -320,14 +320,12 @@ def open_record(
         _refuse_results(Path(record))
         try:
             found = read_recording(record, robot=robot)
-        except RecordError as error:
-            step = error.next_step or ""
-            if "--" not in step or "dynid import" in step or not os.path.exists(record):
-                raise
+        except UnclearRecordError as error:
             command = f"dynid import {shlex.quote(str(record))} --robot ROBOT -o RECORD.parquet"
-            step = f"{step.rstrip('.')}. It is an option of dynid import, which converts the file: "
-            step += command
-            raise error.changed(next_step=step) from error
+            step = error.next_step or ""
+            step += f"{'' if step.endswith('.') else '.'} It is an option of dynid import, which "
+            step += "converts the file: "
+            raise error.changed(next_step=step + command) from error
     if gains is None:
         return found
     return replace(found, metadata=with_gains(found.metadata, robot.joints, gains))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dynid.core import Array, Finding, RecordError, printable
+from dynid.core import Array, Finding, RecordError, UnclearRecordError, printable
 from dynid.recording.cells import past_midnight
 from dynid.recording.names import Name
 
@@ -237,7 +237,7 @@ def find_clocks(parsed: Sequence[Name], names: Sequence[str], scope: str) -> lis
         clock for order, clock in found if order == found[0][0] and clock.label == found[0][1].label
     ]
     if len(same) > 1:
-        raise RecordError(
+        raise UnclearRecordError(
             "more than one time column",
             value=[clock.label for clock in same],
             next_step=f"Choose with --columns, for example t={same[0].columns[0]},q=...",

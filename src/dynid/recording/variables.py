@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dynid.core import Array, Finding, RecordError, printable
+from dynid.core import Array, Finding, RecordError, UnclearRecordError, printable
 from dynid.recording.cells import factor_of, refuse_unit, taken_as_it_is
 from dynid.recording.columns import select
 from dynid.recording.headers import NotRecognised, match_headers
@@ -87,7 +87,7 @@ def _by_names(variables: Mapping[str, Array], paths: Sequence[str]) -> Generator
     except RecordError as error:
         known = error.value and not isinstance(error, NotRecognised)
         shown = f" ({printable(str(error.value), 200)})" if known else ""
-        raise RecordError(
+        raise UnclearRecordError(
             f"the variables cannot be recognised by their names: {error.what}{shown}",
             value="; ".join(f"{p} {variables[p].shape}" for p in paths[:25]),
             next_step="Name them with --columns, for example t=rec.time,q=rec.pos,effort=rec.tau, "
@@ -104,7 +104,7 @@ def _require_one_set(variables: Mapping[str, Array], paths: Mapping[str, list[st
     shapes = [variables[path].shape for path in paths["q"]]
     if len(shapes) > 1 and any(len(shape) == 2 and min(shape) > 1 for shape in shapes):
         columns = ",".join(f"{name}={found[0]}" for name, found in paths.items())
-        raise RecordError(
+        raise UnclearRecordError(
             f"{len(shapes)} sets of variables can be q",
             value=", ".join(paths["q"][:20]),
             next_step=f"Choose with --columns, for those of {paths['q'][0]}: --columns {columns}",

@@ -324,6 +324,9 @@ def _merge(
         elif not is_physical(row):
             link = f"the link moved by joint {printable(name)}"
             notes.append(f"the inertia of {link} is not physically consistent")
+    if (inertias[:, 0] == 0).any() and not (inertias[:, 0] > 0).any():
+        inertias[:] = np.nan
+        notes.append("no link that moves has a mass: all are taken as unknown")
     copied = _copied([tree.links[tree.joints[name].child] for name in trunk.joints])
     for body, first in copied.items():
         inertias[body, first:] = np.nan

@@ -184,7 +184,7 @@ def verdict(session: Session) -> dict[str, Any] | None:
         "words": printable(words, 300),
         "margins": margins(made.worst),
         "unjudged": [printable(f"{one.message}. {one.next_step}", 300) for one in made.unjudged],
-        "notes": [printable(note, 300) for note in made.notes],
+        "notes": [printable(note, 300) for note in made.assumed],
     }
 
 

@@ -30,6 +30,8 @@ REST = "nothing moves"
 DEFAULT_ROBOT = "ur5"
 LONGEST = 120
 """Characters of a file's name."""
+LOGS = (".csv", ".xlsx", ".mat", ".mcap", ".db3", ".bag")
+"""Endings of recordings that must be imported before they can be shown."""
 _SCENE_KEYS = frozenset({"shapes", "payload"})
 
 
@@ -121,7 +123,10 @@ def open_path(path: str | None, *, robot: str | None = None) -> Opened:
     given = Path(path) if path is not None else Path()
     if given.is_dir():
         found = sorted(given.glob("*.json")) + sorted(given.glob("*.parquet"))
-        return _files(found, given, robot, strict=False)
+        opened = _files(found, given, robot, strict=False)
+        logs = sorted(path for path in given.iterdir() if path.suffix.lower() in LOGS)
+        told = ((path.name, "a log: drop it onto the page to import it") for path in logs)
+        return replace(opened, skipped=(*opened.skipped, *told))
     if given.is_file() and given.suffix.lower() in (".json", ".parquet"):
         return _files([given], given.parent, robot, strict=True)
     name = str(path)

@@ -237,7 +237,9 @@ class PointsFamily(PoseFamily):
         )
 
 
-def points_text(trajectory: Trajectory, language: str, limits: MotionBounds) -> str:
+def points_text(
+    trajectory: Trajectory, language: str, limits: MotionBounds, *, comment: str = ""
+) -> str:
     """A point-to-point motion as a program for a controller that makes the profile itself.
 
     None of the programs was run on a controller: they are compared with the motion by reading
@@ -247,6 +249,7 @@ def points_text(trajectory: Trajectory, language: str, limits: MotionBounds) -> 
         trajectory: A sequence of `PointToPoint`.
         language: `movej` (URScript), `waypoints` (CSV), `krl` (KUKA) or `rapid` (ABB).
         limits: Velocity and acceleration limits, of which KRL takes shares.
+        comment: One line for the head of a program.
 
     Raises:
         InputError: Another kind of motion, an unknown language, or not six joints where the
@@ -260,15 +263,18 @@ def points_text(trajectory: Trajectory, language: str, limits: MotionBounds) -> 
         raise InputError("unknown language", value=language, limit=", ".join(LANGUAGES))
     if language != "waypoints" and trajectory.joints != _AXES:
         raise InputError(f"{language} needs six joints", value=trajectory.joints, limit=_AXES)
+    said = f"{_SAID}; {comment}" if comment else _SAID
     if language == "krl":
-        lines = _krl(legs, limits)
+        lines = _krl(legs, said, limits)
+    elif language == "waypoints":
+        lines = _waypoints(legs)
     else:
-        lines = {"movej": _movej, "waypoints": _waypoints, "rapid": _rapid}[language](legs)
+        lines = {"movej": _movej, "rapid": _rapid}[language](legs, said)
     return "\n".join(lines) + "\n"
 
 
-def _movej(legs: list[PointToPoint]) -> list[str]:
-    lines = [f"def {_NAME}():", f"  # {_SAID}"]
+def _movej(legs: list[PointToPoint], said: str) -> list[str]:
+    lines = [f"def {_NAME}():", f"  # {said}"]
     lines.append(f"  movej({_list(legs[0].start, 1.0)}, a=0.5, v=0.5)  # to the start")
     for leg in legs:
         # The leading axis, whose velocity and acceleration movej takes, is the one that goes far.
@@ -286,8 +292,8 @@ def _waypoints(legs: list[PointToPoint]) -> list[str]:
     return [header, *(",".join(map(repr, [time, *pose.tolist()])) for time, pose in rows)]
 
 
-def _krl(legs: list[PointToPoint], limits: MotionBounds) -> list[str]:
-    lines = [f"DEF {_NAME}()", f"; {_SAID}", "BAS(#INITMOV,0)", f"PTP {_krl_axes(legs[0].start)}"]
+def _krl(legs: list[PointToPoint], said: str, limits: MotionBounds) -> list[str]:
+    lines = [f"DEF {_NAME}()", f"; {said}", "BAS(#INITMOV,0)", f"PTP {_krl_axes(legs[0].start)}"]
     for leg in legs:
         speed = np.abs(leg.goal - leg.start) / ((1.0 - BLEND) * leg.travel_time)
         share = _percent(speed / np.asarray(limits.velocity))
@@ -299,8 +305,8 @@ def _krl(legs: list[PointToPoint], limits: MotionBounds) -> list[str]:
     return [*lines, "END"]
 
 
-def _rapid(legs: list[PointToPoint]) -> list[str]:
-    lines = [f"MODULE {_NAME}", f"  PROC {_NAME}_run()", f"    ! {_SAID}"]
+def _rapid(legs: list[PointToPoint], said: str) -> list[str]:
+    lines = [f"MODULE {_NAME}", f"  PROC {_NAME}_run()", f"    ! {said}"]
     for time, pose in ((None, legs[0].start), *((leg.travel_time, leg.goal) for leg in legs)):
         timed = "" if time is None else f"\\T:={time:.6f}"
         axes = f"[{_list(pose, 180 / math.pi)},[9E9,9E9,9E9,9E9,9E9,9E9]]"

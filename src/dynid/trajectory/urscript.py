@@ -187,6 +187,7 @@ def ur_program(
     settle: int = 0,
     via: Sequence[Array] = (),
     comment: str = "",
+    fed: bool = True,
 ) -> str:
     """A complete program: way to the start, rest, periods, stop.
 
@@ -203,6 +204,8 @@ def ur_program(
         settle: Periods before these, which let the arm and its tracking settle.
         via: Way points, each (6), at which it rests on its way to the start [rad].
         comment: Written into the program's head.
+        fed: Whether it stops within 0.1 s where nobody writes its input register; else it runs
+            alone.
 
     Returns:
         The URScript, one `def` that the controller runs as soon as it has it.
@@ -235,7 +238,7 @@ def ur_program(
         f"# {settle} settling and {repeats} recorded periods of {cycles} cycles.",
         _STATE.format(0),
         _INDEX.format(-1),
-        _WATCHDOG,
+        *([_WATCHDOG] if fed else []),
         *(f"movej({pose_list(pose)}, a={_SLOW}, v={_SLOW})" for pose in way),
         f"sleep({_DWELL_S})",
         "local index = 0",

@@ -1,47 +1,13 @@
 """`dynid analyze`: how many parameters a robot's motion can show, and which."""
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
+from dynid.constraints import doubted_units
 from dynid.core import Finding, told
 from dynid.reduction import BaseParametrization, reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel, parse_terms
-from dynid.robot import RobotLike, RobotModel, load_robot
-
-MOST_TURNS = 4.0
-"""No joint with cables through it makes more, to either side."""
-FASTEST = 30.0
-"""[rad/s] Faster than the joints of any arm that carries its own weight."""
-UNLIMITED = 1e4
-"""Files write such numbers, or larger ones, where there is no limit."""
-LONGEST = 20.0
-"""[m] Longer than any arm with serial joints."""
-
-
-def unit_notes(robot: RobotModel) -> tuple[str, ...]:
-    """What in a robot's description is probably not in SI units; nothing where all is well."""
-    limits = robot.limits
-    reach = float(np.linalg.norm(robot.placements[:, :3, 3], axis=1).sum())
-    found: list[str] = []
-    position = np.fmax(np.abs(limits.lower), np.abs(limits.upper))
-    for what, unit, values, most, given in (
-        ("position", "rad", position, MOST_TURNS * 2 * math.pi, "degrees"),
-        ("velocity", "rad/s", limits.velocity, FASTEST, "degrees a second"),
-    ):
-        # A comparison with an unknown limit (NaN) is false.
-        beyond = (values > most) & (values < UNLIMITED) & ~np.array(robot.prismatic)
-        joints = np.flatnonzero(beyond).tolist()
-        if joints:
-            found.append(
-                f"the {what} limits of joint {', '.join(str(j + 1) for j in joints)} reach "
-                f"{values[joints].max():.4g} {unit}, and look like {given}"
-            )
-    if reach > LONGEST:
-        found.append(f"the arm is {reach:.4g} m long: its lengths look like millimetres")
-    return tuple(found)
+from dynid.robot import RobotLike, load_robot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,7 +25,7 @@ class Analysis:
     def to_json(self) -> dict[str, Any]:
         """The keys of the design."""
         base = self.base
-        names = base.model.names
+        names, doubts = base.model.names, doubted_units(base.model.robot)
         return {
             "robot": base.model.robot.name,
             "standard_parameters": len(names),
@@ -82,7 +48,7 @@ class Analysis:
             "alone_names": [names[i] for i in base.classes.alone],
             "combined_names": [names[i] for i in base.classes.combined],
             "unidentifiable_names": [names[i] for i in base.classes.unidentifiable],
-            "notes": [*unit_notes(base.model.robot), *base.model.robot.notes],
+            "notes": [*(one.message for one in doubts), *base.model.robot.notes],
             **told(self.warnings),
         }
 

@@ -3,6 +3,7 @@
 They are checked (`dynid check`), and written in the formats of others: CSV, URScript, ROS.
 """
 
+import math
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
@@ -41,7 +42,6 @@ from dynid.trajectory import (
     ur_program,
     write_trajectory,
 )
-from dynid.workflow.analyze import unit_notes
 from dynid.workflow.design_limits import DesignLimits, given_limits, limits_from_json
 from dynid.workflow.recordings import robot_reference
 
@@ -315,7 +315,7 @@ def judge_of(design: StoredDesign, asked: SceneSettings) -> tuple[DesignLimits, 
     if moved and asked.scene is None and judge.settings.self_collision:
         lost = Unjudged(
             kind="environment",
-            message="the scene was edited since the motion was certified",
+            causes=("the scene was edited since the motion was certified",),
             next_step='Pass the scene: --scene SCENE.json ({"shapes": []} for an empty one).',
         )
         judge.unjudged = (*judge.unjudged, lost)
@@ -380,8 +380,7 @@ def check(
         stored = read_design(path, robot=robot, mount=asked.mount, mesh_dirs=asked.mesh_dirs)
     held, judge = judge_of(stored, asked)
     found = certify(stored.stored.trajectory, judge)
-    certificate = replace(found, notes=(*unit_notes(stored.robot), *found.notes))
-    return Check(design=stored, limits=held, certificate=certificate)
+    return Check(design=stored, limits=held, certificate=found)
 
 
 KINDS = ("csv", "urscript", "ros", *LANGUAGES)
@@ -413,22 +412,28 @@ def check_export(kind: str, robot: RobotLike, trajectory: str) -> None:
 def export_motion(design: ExcitationDesign, kind: str, path: str | Path) -> None:
     """Write one period of a design in another format, one of `KINDS`, whole or not at all.
 
+    Formats with comments have the verdict of the certificate in their head.
+
     Raises:
         InputError: An unknown kind, a motion that the format cannot hold, or a place where no
             such file can be.
         JobError: The disk does not take the file.
     """
-    robot = load_robot(design.robot)
+    robot, certificate = load_robot(design.robot), design.certificate
+    missing = [kind for kind, worst in certificate.worst.items() if math.isnan(worst.margin)]
+    said = f"dynid: {certificate.headline}; "
+    said += f"not judged: {', '.join([*missing, 'the way to the start'])}"
     match kind:
         case "csv":
             units = ["m" if slides else "rad" for slides in robot.prismatic]
             text = csv_text(design.trajectory, units=units)
         case "ros":
-            text = joint_trajectory_yaml(design.trajectory, robot.joint_names)
+            text = f"# {said}\n" + joint_trajectory_yaml(design.trajectory, robot.joint_names)
         case "urscript":
-            text = ur_program(design.trajectory, comment=f"dynid design for {robot.name}")
+            comment = f"design for {robot.name}\n{said}"
+            text = ur_program(design.trajectory, comment=comment, fed=False)
         case _ if kind in LANGUAGES:
-            text = points_text(design.trajectory, kind, design.limits)
+            text = points_text(design.trajectory, kind, design.limits, comment=said)
         case _:
             raise InputError("unknown format", value=kind, limit=", ".join(KINDS))
     write_text(Path(path), text)

@@ -24,7 +24,6 @@ from dynid.robot import RobotLike, RobotModel, load_robot
 from dynid.settings import LONGEST_S, DesignSettings
 from dynid.signals import process
 from dynid.trajectory import motion_family
-from dynid.workflow.analyze import unit_notes
 from dynid.workflow.design_files import ROBOT, motions_from, robot_hash, write_design
 from dynid.workflow.design_limits import given_limits
 from dynid.workflow.recordings import robot_reference
@@ -278,7 +277,7 @@ class _DesignJob:
             scaled_condition_number=excitation.scaled_condition_number(plain),
             base_parameters=base.rank,
             samples=problem.samples,
-            certificate=replace(certificate, notes=(*unit_notes(robot), *certificate.notes)),
+            certificate=certificate,
             repair=finished.repair,
             evaluations=optimised.evaluations,
             starts=search.starts,

@@ -46,7 +46,6 @@ from dynid.recording import (
 from dynid.robot import PARAMETERS, RobotLike, RobotModel, load_robot
 from dynid.settings import RunSettings
 from dynid.workflow import design_files
-from dynid.workflow.analyze import unit_notes
 from dynid.workflow.design_limits import given_limits
 from dynid.workflow.identify import PROMISED
 from dynid.workflow.recordings import robot_reference
@@ -306,7 +305,7 @@ def _made_ready(
         lines = [f"{check.name}: {check.finding}" for check in checks]
         lines += [f"mounted as: {plan.robot.mount} (the robot cannot tell; look)"]
         lines += [f"NOT JUDGED: {item.kind}: {item.message}" for item in certificate.unjudged]
-        lines += [*unit_notes(plan.robot), *certificate.notes]
+        lines += certificate.assumed
         if (said := loaded.describe_digest()) is not None:
             lines.append(said)
         lines += [

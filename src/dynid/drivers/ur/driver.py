@@ -9,7 +9,6 @@ from typing import Any, ClassVar
 from dynid.core import Array, InputError, JobError, Progress, require
 from dynid.drivers.driver import (
     INTERRUPTED,
-    Abort,
     Cycle,
     Driver,
     Execution,
@@ -18,7 +17,7 @@ from dynid.drivers.driver import (
     Source,
     Watchdog,
 )
-from dynid.drivers.ur.link import STOP_DECELERATION, STOP_PROGRAM, Dashboard, RtdeLink, ScriptPort
+from dynid.drivers.ur.link import STOP_PROGRAM, Dashboard, RtdeLink, ScriptPort
 from dynid.drivers.ur.pump import Conversation, Intake, Pump, Refused
 from dynid.drivers.ur.state import (
     APPROACHING,
@@ -191,7 +190,9 @@ _HOLD_S = 0.2
 _LEAD_CYCLES = 5
 """Cycles for which the start is sent before the first set point: the stream has its rhythm then."""
 _LOOK_S = 0.01
-"""How often the way to the start is looked at [s]."""
+"""How often ur_rtde's watchdog is kicked before the first set point [s]."""
+_ARRIVED = 1e-3
+"""The target at this distance from a pose has reached it [rad]."""
 
 
 class ServojDriver(RtdeDriver):
@@ -209,21 +210,18 @@ class ServojDriver(RtdeDriver):
 
     def move(self, execution: Execution, cancel: threading.Event, record: Record) -> Outcome:
         """See `RtdeDriver.move`."""
-        poses = (*execution.via, execution.setpoints()[0])
         if cancel.is_set():
             return Outcome(samples=0, periods=0, gaps=0, abort=INTERRUPTED)
-        control = self._control(self.state.host)
+        control, starts = self._control(self.state.host), execution.setpoints()[:1]
+        way = Way(control, (*execution.via, *starts))
         try:
-            control.setWatchdog(WATCHDOG_HZ)
-            abort = approach(control, poses, cancel)
-            if abort is not None:
-                return Outcome(samples=0, periods=0, gaps=0, abort=abort)
-            outcome = record(lambda _, feed, __: _Stream(control, feed, execution))
+            outcome = record(lambda layout, feed, _: Stream(control, layout, feed, execution, way))
             if outcome.abort is None:
                 control.servoStop()
                 control.stopScript()
             return outcome
         finally:
+            way.leave()
             control.disconnect()
 
     def _control(self, host: str) -> Any:
@@ -233,18 +231,67 @@ class ServojDriver(RtdeDriver):
             raise JobError("ur_rtde cannot control the robot", where=host, value=error) from error
 
 
-class _Stream:
-    """The conversation: each package that arrives lets one set point go."""
+class Way(threading.Thread):
+    """Moves from pose to pose, each (n) [rad], resting at each, with ur_rtde's `control`.
 
-    def __init__(self, control: Any, feed: Recipe, execution: Execution) -> None:
+    Its watchdog is kicked until the first set point: the arm stops with this process, not at the
+    next pose. Each move waits for the controller: a thread that answers packages cannot do it.
+    """
+
+    def __init__(self, control: Any, poses: Sequence[Array]) -> None:
+        super().__init__(name="dynid-way", daemon=True)
+        self.fault: Exception | None = None
+        """Why the arm did not get there."""
+        self.arrived = threading.Event()
+        """Set when the last move has ended."""
+        self._control, self._poses, self._left = control, poses, threading.Event()
+
+    def run(self) -> None:
+        """See `threading.Thread`."""
+        try:
+            self._control.setWatchdog(WATCHDOG_HZ)
+            for pose in self._poses:
+                self._wait(self._control.moveJ(pose.tolist(), APPROACH, APPROACH, True))
+                while self._control.getAsyncOperationProgress() >= 0:
+                    self._wait(self._control.kickWatchdog())
+            self.arrived.set()
+            while not self._left.is_set():
+                self._wait(self._control.kickWatchdog())
+        # Whoever answers the packages raises it, and stops the robot.
+        except Exception as error:
+            self.fault = error
+
+    def _wait(self, sent: bool) -> None:
+        if not sent:
+            raise Refused("the program of ur_rtde ended on the way to the start")
+        if self._left.wait(_LOOK_S) and not self.arrived.is_set():
+            raise Refused("the way to the start was left")
+
+    def leave(self) -> None:
+        """Move no more and kick no more; a move that was begun is left to ur_rtde's watchdog."""
+        self._left.set()
+        if self.is_alive():
+            self.join()
+
+
+class Stream:
+    """The conversation: each package that arrives lets one set point go, once the way is over."""
+
+    def __init__(
+        self, control: Any, layout: Layout, feed: Recipe, execution: Execution, way: Way
+    ) -> None:
         self._control, self._feed, self._execution = control, feed, execution
         self._setpoints = execution.setpoints().tolist()
-        self._next = -_LEAD_CYCLES
+        self._target, self._way = layout.places["target_q"], way
+        self._next, self._late = -_LEAD_CYCLES, 0
         self._cycle = 1.0 / execution.rate_hz
         self._hold = round(_HOLD_S * execution.rate_hz)
+        way.start()
 
     def answer(self, numbers: Numbers) -> bytes | None:
-        """Send the next set point, and its number."""
+        """Send the next set point, and its number; nothing on the way to the start."""
+        if self._next == -_LEAD_CYCLES and not self._at_start(numbers):
+            return None
         k, last = self._next, self._execution.total - 1
         self._next += 1
         q = self._setpoints[max(min(k, last), 0) % self._execution.cycles]
@@ -256,6 +303,23 @@ class _Stream:
             raise Refused("ur_rtde has lost its program on the controller")
         return self._feed.packet([max(min(k, last + 1), -1)])
 
+    def _at_start(self, numbers: Numbers) -> bool:
+        """Whether set points can be sent: to an arm elsewhere the first one is a jump."""
+        if self._way.fault is not None:
+            raise Refused("no way to the start", value=self._way.fault) from self._way.fault
+        if not self._way.arrived.is_set():
+            return False
+        pairs = zip(numbers[self._target], self._setpoints[0], strict=True)
+        away = max(abs(a - b) for a, b in pairs)
+        # Its end may be told before the package with its last step arrives.
+        if away > _ARRIVED and self._late < self._hold:
+            self._late += 1
+            return False
+        if away > _ARRIVED:
+            raise Refused("the way to the start ended elsewhere", value=f"{away:.3g} rad away")
+        self._way.leave()
+        return True
+
     def begun(self, cycle: Cycle, numbers: Numbers) -> bool:
         """Whether ur_rtde's program runs and our number has arrived."""
         return cycle.runtime_state == RuntimeState.PLAYING and cycle.index <= 0
@@ -263,22 +327,3 @@ class _Stream:
     def over(self, cycle: Cycle, numbers: Numbers) -> bool:
         """Whether the arm has had the time to arrive at the last set point."""
         return self._next > self._execution.total + self._hold
-
-
-def approach(control: Any, poses: Sequence[Array], cancel: threading.Event) -> Abort | None:
-    """Move from pose to pose, each (n) [rad], resting at each, with ur_rtde's `control`.
-
-    Its watchdog is kicked: the arm stops with this process, not at the next pose.
-
-    Returns:
-        Why that was ended early; None if it was not.
-    """
-    for pose in poses:
-        control.moveJ(pose.tolist(), APPROACH, APPROACH, True)
-        while control.getAsyncOperationProgress() >= 0:
-            if cancel.wait(_LOOK_S):
-                control.stopJ(STOP_DECELERATION)
-                return INTERRUPTED
-            if not (control.kickWatchdog() and control.isProgramRunning()):
-                return Abort("program", "the program of ur_rtde ended on the way to the start")
-    return None

@@ -5,7 +5,7 @@ from decimal import Decimal
 
 import numpy as np
 
-from dynid.core import Array, RecordError
+from dynid.core import Array, UnclearRecordError
 from dynid.recording.headers import by_rows
 from dynid.recording.repair.motion import DEGREE, FASTEST, RPM, common_slope, velocity_slopes
 from dynid.recording.table import Mask, RawTable, Rows
@@ -85,7 +85,7 @@ def _refuse_row_counts(seconds: Array, t: Array, table: RawTable) -> None:
     if slope is None or slope <= 0 or any(abs(slope / other - 1) < 0.25 for other in others):
         return
     rate = 1 / float(np.median(np.diff(seconds))) / slope
-    raise RecordError(
+    raise UnclearRecordError(
         "the time goes up by 1 a row and fits the velocities in no unit: it counts rows",
         value=f"velocities tell {rate:.4g} Hz",
         next_step=by_rows(table.columns),

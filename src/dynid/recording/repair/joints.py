@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynid.core import Array, RecordError, printable
+from dynid.core import Array, RecordError, UnclearRecordError, printable
 from dynid.recording.names import UR_JOINTS, places_of, plainly
 from dynid.recording.table import ANGLES, Mask, RawTable
 from dynid.robot import RobotModel
@@ -50,7 +50,7 @@ def settle_joints(
             table = _reorder(table, place).note(said)
     joints = table.joints
     if robot is not None and joints != robot.joints:
-        raise RecordError(
+        raise (UnclearRecordError if joints > robot.joints else RecordError)(
             f"the recording has {joints} joints but {robot.name} has {robot.joints}",
             value=printable(", ".join(table.joint_names), 200) or None,
             next_step=_first_columns(table, robot.joints)
@@ -288,7 +288,7 @@ def refuse_degrees(table: RawTable, robot: RobotModel | None) -> RawTable:
     many_turns = turning & ~known & (reach > 4 * _TURN)
     if beyond.any() or (many_turns.any() and 2 * many_turns.sum() >= turning.sum()):
         joint = int(np.argmax(np.where(beyond if beyond.any() else many_turns, reach, -1.0)))
-        raise RecordError(
+        raise UnclearRecordError(
             f"{table.label('q', joint)} reaches {reach[joint]:.4g}, which cannot be radians",
             limit=f"{bound[joint]:.4g} rad" if known[joint] else "a few turns",
             next_step=_USE_DEGREES,

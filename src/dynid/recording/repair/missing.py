@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynid.core import Array, RecordError, printable
+from dynid.core import Array, RecordError, UnclearRecordError, printable
 from dynid.recording.headers import by_rows, spelled
 from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, Mask, RawTable, rows_with
 
@@ -30,7 +30,7 @@ def drop_missing(table: RawTable) -> RawTable:
     rows = table.samples
     alive = rows_with(np.isfinite(signals["q"])) & np.isfinite(t)
     if np.isnan(t).mean() > _MOST_LOST:
-        raise RecordError(
+        raise UnclearRecordError(
             "the time column has no numbers on most rows",
             value=f"{int(np.isnan(t).sum())} of {rows}",
             next_step=by_rows(table.columns),
@@ -51,7 +51,7 @@ def drop_missing(table: RawTable) -> RawTable:
         if table.channels:
             hints.append(f"unknown columns: {printable(', '.join(table.channels), 200)}")
         hints += table.notes
-        raise RecordError(
+        raise UnclearRecordError(
             "there is neither current nor effort",
             value="; ".join(hints) or None,
             next_step="A recording needs motor currents or joint torques; name all columns "

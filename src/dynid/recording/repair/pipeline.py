@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynid.core import Array, Finding, RecordError
+from dynid.core import Array, Finding, RecordError, UnclearRecordError
 from dynid.recording.content import located
 from dynid.recording.record import (
     UNITS,
@@ -285,7 +285,7 @@ def _start_clock(table: RawTable, rate_hz: float | None) -> RawTable:
             steps = np.abs(np.diff(table.stamps))
         steps = steps[np.isfinite(steps) & (steps > 0)]
         if len(steps) and float(np.median(steps)) < _LEAST_TICK:
-            raise RecordError(
+            raise UnclearRecordError(
                 "the time stamps hardly increase",
                 value=f"{float(np.median(steps)):.3g} a row",
                 limit=f"{_LEAST_TICK:g} at least, in any unit",
@@ -296,7 +296,7 @@ def _start_clock(table: RawTable, rate_hz: float | None) -> RawTable:
         # Single poses need no clock.
         rate_hz = 1.0
     if rate_hz is None:
-        raise RecordError(
+        raise UnclearRecordError(
             "the recording has no time",
             next_step="Pass its sampling rate with --rate, or map a column with --columns t=...",
         )

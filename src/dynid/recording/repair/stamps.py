@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dynid.core import Array, RecordError, scipy_part
+from dynid.core import Array, UnclearRecordError, scipy_part
 from dynid.recording.headers import by_rows
 from dynid.recording.table import Mask, RawTable, Rows, at_times, rows_with
 
@@ -25,7 +25,7 @@ def repair_stamps(table: RawTable) -> RawTable:
     steps = np.diff(t)
     forward = steps[steps > 0]
     if len(forward) == 0 or (len(forward) < 0.5 * np.count_nonzero(steps)):
-        raise RecordError(
+        raise UnclearRecordError(
             "time does not increase",
             value=f"{len(forward)} of {len(steps)} steps are positive",
             next_step=f"Check which column is the time. {by_rows(table.columns)}",
@@ -39,7 +39,7 @@ def repair_stamps(table: RawTable) -> RawTable:
     if lost == 0:
         return table
     if lost > MOST_DROPPED * table.samples and lost > 1:
-        raise RecordError(
+        raise UnclearRecordError(
             f"{lost} of {table.samples} rows have stamps that repeat or decrease",
             limit=f"{MOST_DROPPED:.0%} of the rows",
             next_step=by_rows(table.columns),
