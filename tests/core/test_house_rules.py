@@ -6,32 +6,43 @@ import ast
 import re
 from pathlib import Path
 
+import pytest
 import yaml
 
 import dynid
 
 ROOT = Path(__file__).parents[2]
-SOURCES = {
-    path.relative_to(ROOT / "src" / "dynid"): ast.parse(path.read_text(encoding="utf-8"))
-    for path in sorted((ROOT / "src" / "dynid").rglob("*.py"))
-}
 LONGEST = 500
 """Lines of a module."""
 SPEAKING = "cli"
 """The one room that prints."""
 
 
-def calls(tree: ast.AST, name: str) -> list[ast.Call]:
+Sources = dict[Path, list[ast.AST]]
+"""Every module's nodes, the module itself first."""
+
+
+@pytest.fixture(scope="module")
+def sources() -> Sources:
+    # Not where tests are collected: every worker would parse them.
+    house = ROOT / "src" / "dynid"
+    return {
+        path.relative_to(house): list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+        for path in sorted(house.rglob("*.py"))
+    }
+
+
+def calls(nodes: list[ast.AST], name: str) -> list[ast.Call]:
     return [
         node
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == name
     ]
 
 
-def imported(tree: ast.AST) -> set[str]:
+def imported(nodes: list[ast.AST]) -> set[str]:
     found: set[str] = set()
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Import):
             found |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
@@ -39,32 +50,32 @@ def imported(tree: ast.AST) -> set[str]:
     return found
 
 
-def test_there_is_a_house_to_look_at() -> None:
-    assert len(SOURCES) > 100
+def test_there_is_a_house_to_look_at(sources: Sources) -> None:
+    assert len(sources) > 100
 
 
-def test_only_the_command_line_prints() -> None:
+def test_only_the_command_line_prints(sources: Sources) -> None:
     # The controller's log prints too, into a stream that it is given.
     aloud = {
         path
-        for path, tree in SOURCES.items()
-        for call in calls(tree, "print")
+        for path, nodes in sources.items()
+        for call in calls(nodes, "print")
         if all(word.arg != "file" for word in call.keywords)
     }
     assert {path.parts[0] for path in aloud} == {SPEAKING}
 
 
-def test_nothing_is_asserted_evaluated_or_unpickled() -> None:
-    for path, tree in SOURCES.items():
-        assert not [node for node in ast.walk(tree) if isinstance(node, ast.Assert)], path
-        assert not calls(tree, "eval"), path
-        assert not calls(tree, "exec"), path
-        assert not imported(tree) & {"pickle", "marshal", "shelve", "random"}, path
+def test_nothing_is_asserted_evaluated_or_unpickled(sources: Sources) -> None:
+    for path, nodes in sources.items():
+        assert not [node for node in nodes if isinstance(node, ast.Assert)], path
+        assert not calls(nodes, "eval"), path
+        assert not calls(nodes, "exec"), path
+        assert not imported(nodes) & {"pickle", "marshal", "shelve", "random"}, path
 
 
-def test_no_error_is_swallowed_unnamed() -> None:
-    for path, tree in SOURCES.items():
-        for node in ast.walk(tree):
+def test_no_error_is_swallowed_unnamed(sources: Sources) -> None:
+    for path, nodes in sources.items():
+        for node in nodes:
             if isinstance(node, ast.ExceptHandler):
                 assert node.type is not None, (path, node.lineno)
                 broad = ast.unparse(node.type) in ("Exception", "BaseException")
@@ -72,9 +83,9 @@ def test_no_error_is_swallowed_unnamed() -> None:
                 assert not (broad and silent), (path, node.lineno)
 
 
-def test_random_numbers_come_from_a_seed() -> None:
-    for path, tree in SOURCES.items():
-        for node in ast.walk(tree):
+def test_random_numbers_come_from_a_seed(sources: Sources) -> None:
+    for path, nodes in sources.items():
+        for node in nodes:
             if (
                 isinstance(node, ast.Call)
                 and isinstance(node.func, ast.Attribute)
@@ -84,10 +95,12 @@ def test_random_numbers_come_from_a_seed() -> None:
                 assert node.args, (path, node.lineno)
 
 
-def test_modules_are_small_and_say_what_they_are() -> None:
-    for path, tree in SOURCES.items():
+def test_modules_are_small_and_say_what_they_are(sources: Sources) -> None:
+    for path, nodes in sources.items():
         lines = (ROOT / "src" / "dynid" / path).read_text(encoding="utf-8").count("\n")
         assert lines <= LONGEST, path
+        tree = nodes[0]
+        assert isinstance(tree, ast.Module)
         assert ast.get_docstring(tree), path
         assert path.stem not in ("utils", "helpers", "common"), path
         if path.name == "__init__.py" and len(path.parts) > 1:

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from dynid.bench import Case, Judged, Recorded, recorded, run_verdicts, summarise
-from dynid.diagnosis import findings_of
+from dynid.diagnosis import Recording, findings_of
+from dynid.diagnosis.residual import fits, inertial_prior, reference
+from dynid.diagnosis.whole_signals import whole_signals
+from dynid.signals import process
 
 CLEAN = (
     Case(arm="sliding", motion="fourier", rate_hz=125.0, duration_s=10.0, seed=1),
@@ -111,6 +114,22 @@ def test_planted_faults_are_named(
     assert rows[0].named, rows[0].kinds
     (told,) = summarise(rows)["faults"]
     assert (told["cases"], told["named"]) == (1, 1)
+
+
+def test_torques_without_any_error_need_nothing_put_right() -> None:
+    """A normal matrix is nearly singular then, and errors of 1e-8 tell rivals apart."""
+    (case,) = [
+        Case(
+            arm=arm, motion=motion, rate_hz=rate_hz, duration_s=s, seed=seed, fault=fault, size=size
+        )
+        for arm, motion, rate_hz, s, seed, fault, size in PLANTED
+        if (arm, fault) == ("ur3", "commanded")
+    ]
+    made = recorded(case)
+    samples, prior = process(made.record, made.robot), inertial_prior(made.robot)
+    parts = {name: np.array(getattr(samples, name)) for name in ("t", "q", "dq", "ddq", "tau")}
+    ref = reference(Recording(robot=made.robot, block=1, **parts), prior)
+    assert whole_signals(ref, *fits(ref), prior) == []
 
 
 def test_a_seed_gives_the_same_recording() -> None:

@@ -46,7 +46,7 @@ from dynid.identification.selection.gram import (
 from dynid.identification.selection.regions import find_regions, moving_rows
 from dynid.identification.selection.scoring import gain_of
 from dynid.reduction import reduce_model
-from dynid.regressor import FrictionTerms, InverseDynamicModel
+from dynid.regressor import InverseDynamicModel
 from dynid.robot import load_robot
 from dynid.signals import process
 from dynid.workflow import IdentifySettings
@@ -264,7 +264,7 @@ def test_the_order_of_recordings_changes_nothing() -> None:
     """The same bits: what is computed twice from the same input is the same."""
     runs = [recording(seed, seconds=8.0) for seed in (1, 2)]
     one, other = (
-        identify(order, ur5(), IdentifySettings(terms=FrictionTerms(), cutoff_hz=10.0)).estimate
+        identify(order, ur5(), IdentifySettings(preset="paper")).estimate
         for order in (runs, runs[::-1])
     )
     np.testing.assert_array_equal(one.values, other.values)

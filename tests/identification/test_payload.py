@@ -29,6 +29,8 @@ MASS, CENTRE = 0.02, 0.005
 SOLVERS_AGREE = 1e-5
 """What Clarabel reaches here; the conditions of optimality are the sharp check."""
 KKT = 1e-7
+ORTHOGONAL = 1e-8
+"""Cosine between the gap and the body at the optimum, at which they are orthogonal."""
 BASIS = to_pseudo_inertia(np.eye(10))
 ROBOT = load_robot("ur5")
 CASES = ((0.5, (0.0, 0.02, 0.04)), (2.0, (-0.05, 0.03, 0.08)), (5.0, (0.04, -0.02, 0.1)))
@@ -206,6 +208,26 @@ def test_the_nearest_body_is_the_conic_answer(seed: int) -> None:
     assert abs(np.sum(functional * to_pseudo_inertia(found))) < KKT
     expected = conic(free, covariance)
     np.testing.assert_allclose(found, expected, atol=SOLVERS_AGREE * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+def test_the_nearest_body_is_the_best_where_some_of_it_is_not_seen(seed: int) -> None:
+    """As of an arm of parallel axes: deviations from 1e-3 to 1e2."""
+    generator = np.random.default_rng(seed)
+    root = generator.normal(size=(4, 4))
+    truth = from_pseudo_inertia(root @ root.T)
+    spread = 0.7 * np.logspace(-3, 2, 10)[:, None] * generator.normal(size=(10, 10))
+    covariance = spread @ spread.T + 1e-6 * np.eye(10)
+    free = truth + np.linalg.cholesky(covariance) @ generator.normal(size=10)
+    assert not is_physical(free, 0.0)
+    found = nearest_body(free, covariance)
+    root = np.linalg.cholesky(covariance)
+    gap, gain = (np.linalg.solve(root, x) for x in (found - free, found))
+    # No multiple of the body is nearer, nor is any sum with another that can exist.
+    assert abs(gap @ gain) < ORTHOGONAL * np.linalg.norm(gap) * np.linalg.norm(gain)
+    others = generator.normal(size=(50, 4, 4))
+    for other in from_pseudo_inertia(others @ others.swapaxes(1, 2)):
+        assert gap @ np.linalg.solve(root, other) > -ORTHOGONAL * np.linalg.norm(gap)
 
 
 def test_deviations_of_the_centre_are_those_of_draws() -> None:

@@ -10,7 +10,7 @@ from dynid.identification import Estimate, IdentificationProblem, WeightedLeastS
 from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel
-from dynid.signals import ProcessingSettings, fold_periods, process, uniform_signals
+from dynid.signals import ProcessingSettings, at_one_rate, fold_periods, process, uniform_signals
 from dynid.validation import validate
 from dynid.workflow import IdentifySettings
 from dynid.workflow.identify import fit_records
@@ -139,7 +139,10 @@ def test_best_finds_how_late_all_torques_are() -> None:
 def test_recordings_of_two_rates_have_no_delays_of_half_a_sample() -> None:
     slow, fast = recording(7), recording(8, rate=250.0)
     for records in ((slow, fast), (fast, slow)):
-        assert fitted(*records, settings=IdentifySettings()).settings.delays_s is None
+        signals = [uniform_signals(record, ur5(), ProcessingSettings()) for record in records]
+        assert [signal.rate_hz for signal in at_one_rate(signals)] == [2 * RATE] * 2
+    # Half a sample of the slower one is a step of the faster one, which tells the rate here.
+    assert fitted(fast, slow, settings=IdentifySettings()).settings.delays_s is None
 
 
 def test_best_adds_nothing_to_a_plain_arm() -> None:

@@ -165,21 +165,33 @@ def _fit(problem: dynid.IdentificationProblem, **changed: Any) -> dynid.Fit:
 
 
 @pytest.mark.parametrize(
-    ("estimator", "message"),
+    ("estimator", "message", "preset"),
     [
-        (Own, "derives from dynid.Estimator"),
-        (Own(lambda _: np.zeros(3)), "Own.fit: returned no Fit; got ndarray; allowed: dynid.Fit"),
-        (Own(lambda p: _fit(p, values=np.ones(3))), r"Own.fit: values has the wrong shape.*\(3,\)"),
-        (Own(lambda p: _fit(p, noise=np.full(6, np.nan))), "Own.fit: noise is not finite"),
+        (Own, "derives from dynid.Estimator", "paper"),
+        # Before anything is searched for.
+        (Own, "derives from dynid.Estimator", "best"),
+        (
+            Own(lambda _: np.zeros(3)),
+            "Own.fit: returned no Fit; got ndarray; allowed: dynid.Fit",
+            "paper",
+        ),
+        (
+            Own(lambda p: _fit(p, values=np.ones(3))),
+            r"Own.fit: values has the wrong shape.*\(3,\)",
+            "paper",
+        ),
+        (Own(lambda p: _fit(p, noise=np.full(6, np.nan))), "Own.fit: noise is not finite", "paper"),
+        (Own(lambda p: _fit(p, noise=np.full(6, np.nan))), "Own.fit: noise is not finite", "best"),
     ],
 )
 def test_an_estimator_of_ones_own_is_told_what_is_wrong(
-    record: ExperimentRecord, estimator: Any, message: str
+    record: ExperimentRecord, estimator: Any, message: str, preset: str
 ) -> None:
-    for preset in ("paper", "best"):
-        settings = dynid.IdentifySettings(preset=preset, estimator=estimator)
-        with pytest.raises(InputError, match=message):
-            dynid.identify(record, "ur5", settings)
+    asked: list[str] = []
+    settings = dynid.IdentifySettings(preset=preset, estimator=estimator)
+    with pytest.raises(InputError, match=message):
+        dynid.identify(record, "ur5", settings, progress=lambda word, _: asked.append(word))
+    assert bool(asked) == (preset == "best" and estimator is not Own)
 
 
 def test_names_stand_for_robots() -> None:

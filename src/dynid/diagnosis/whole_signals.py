@@ -49,6 +49,8 @@ class WholeSignal:
     joints: tuple[int, ...]
     value: float
     unit: str
+    gravity: Array | None = None
+    """(3) [m/s^2] of the robot instead of its own."""
     score: float = 0.0
     """Drop of the negative log likelihood [nats]."""
 
@@ -67,18 +69,25 @@ def whole_signals(
     Returns:
         The best first, at most `WHOLE_LOOKS`.
     """
-    rec, n = ref.recording, ref.recording.robot.joints
+    rec = ref.recording
     share = _share(ref, values)
     # The same for all joints: an exchange must not gain from joints that count differently.
-    rows = _rows(rec)
-    counts = np.full(n, min(float(np.median(sums.counts)), rows))
-    own = _objective(_thin(rec), prior, counts)
+    plain = _Plain(rec, prior, float(np.median(sums.counts)))
+    own = plain.cost(rec)
     best: dict[str, WholeSignal] = {}
     for rival in _rivals(rec, sorted(np.argsort(-share)[:PAIRED].tolist())):
-        drop = own - _objective(_thin(rival.recording), prior, counts)
+        drop = own - plain.cost(rival.recording, rival.gravity)
         if drop > (best[rival.kind].score if rival.kind in best else 0.0):
             best[rival.kind] = replace(rival, score=drop)
-    return sorted(best.values(), key=lambda found: -found.score)[:WHOLE_LOOKS]
+    most = sorted(best.values(), key=lambda found: -found.score)[:WHOLE_LOOKS]
+    return [_in_its_gravity(found) for found in most]
+
+
+def _in_its_gravity(found: WholeSignal) -> WholeSignal:
+    rec, gravity = found.recording, found.gravity
+    if gravity is None:
+        return found
+    return replace(found, recording=replace(rec, robot=replace(rec.robot, gravity=gravity)))
 
 
 def _share(ref: Reference, values: Array) -> Array:
@@ -110,8 +119,10 @@ def _rivals(rec: Recording, paired: list[int]) -> Iterator[WholeSignal]:
     robot, n = rec.robot, rec.robot.joints
     # A turned zero of the last joint is the same as another last link.
     turning = [j for j in range(n - 1) if not robot.prismatic[j]]
-    light = replace(rec, robot=replace(robot, gravity=1e-6 * robot.gravity))
-    yield WholeSignal(recording=light, kind="gravity_compensated", joints=(), value=1.0, unit="")
+    yield WholeSignal(
+        recording=rec, kind="gravity_compensated", joints=(), value=1.0, unit="",
+        gravity=1e-6 * robot.gravity,
+    )  # fmt: skip
     size = float(np.linalg.norm(robot.gravity))
     ways = {tuple(np.round(_unit(np.array(w)), 9)) for w in product(_STEPS, repeat=3)}
     for way in sorted(ways) if size > 0 else ():
@@ -120,10 +131,10 @@ def _rivals(rec: Recording, paired: list[int]) -> Iterator[WholeSignal]:
             continue
         angle = angle_between(down, robot.gravity)
         if angle > _LEAST_TURN:
-            changed = replace(rec, robot=replace(robot, gravity=size * down))
             yield WholeSignal(
-                recording=changed, kind="mounting", joints=(), value=angle, unit="rad"
-            )
+                recording=rec, kind="mounting", joints=(), value=angle, unit="rad",
+                gravity=size * down,
+            )  # fmt: skip
     # Whole samples: between two of them noise averages out, and every offset explains more.
     step = float(rec.t[1] - rec.t[0])
     for offset in np.arange(-WIDEST_S, WIDEST_S + STEP_S, STEP_S).tolist():
@@ -184,50 +195,119 @@ def _turned(rec: Recording, by: dict[int, float]) -> WholeSignal:
     )
 
 
-def _rows(rec: Recording) -> int:
-    return min(ROWS, EQUATIONS // rec.robot.joints)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Products:
+    """Columns of a motion on the rows that are looked at, and their products."""
+
+    columns: Array
+    """(p, n, T) inertial, viscous and motor columns, then Coulomb's."""
+    square: Array
+    """(n, p, p)"""
+    known: Array
+    """(n, T) torques of counterbalances."""
+    fast: Array
+    """(n) usual top speeds."""
+    top: Array
+    """(n) largest accelerations."""
 
 
-def _thin(rec: Recording) -> Recording:
-    rows = np.linspace(0, len(rec.t) - 1, min(_rows(rec), len(rec.t))).astype(int)
-    parts = {name: getattr(rec, name)[rows] for name in ("t", "q", "dq", "ddq", "tau")}
-    return replace(rec, **parts, block=1, apart=None)
+class _Plain:
+    """A plain model of a recording and of its rivals, on few rows.
 
+    Most rivals share the motion of the recording, and so its columns; those of the inertial
+    parameters are linear in gravity.
+    """
 
-def _objective(thin: Recording, prior: tuple[Array, Array], counts: Array) -> float:
-    """Negative log likelihood of a plain model and its prior at its best [nats]."""
-    model, n, rows = thin.model, thin.robot.joints, len(thin.t)
-    stack = model.stack(thin.q, thin.dq, thin.ddq)
-    fast = np.maximum(np.percentile(np.abs(thin.dq), 98, axis=0), 1e-6)
-    columns = np.zeros((len(stack) + n, n, rows))
-    columns[: len(stack)] = stack
-    every = np.arange(n)
-    columns[len(stack) + every, every] = np.tanh(thin.dq.T / (_WIDTH * fast)[:, None])
-    torque = thin.tau.T + model.known_torque(thin.q).T
-    square = np.matmul(columns.transpose(1, 0, 2), columns.transpose(1, 2, 0))
-    cross = np.matmul(columns.transpose(1, 0, 2), torque[:, :, None])[:, :, 0]
-    energy = np.square(torque).sum(axis=1)
-    size = np.sqrt(energy / rows) + 1e-12
-    top = np.maximum(np.abs(thin.ddq).max(axis=0), 1e-9)
-    # Motors that drive several joints have columns of their own between inertia and Coulomb.
-    coupling = np.full(len(stack) - 12 * n, size.max() / fast.min())
-    mean = np.concatenate(
-        [prior[0], _FRICTION * size / fast, 0 * size, 0 * coupling, _FRICTION * size]
-    )
-    precision = np.zeros((len(columns), len(columns)))
-    precision[: 10 * n, : 10 * n] = np.linalg.inv(prior[1])
-    rest = np.arange(10 * n, len(columns))
-    precision[rest, rest] = 1 / np.square(
-        _SPREAD * np.concatenate([size / fast, size / top, coupling, size])
-    )
-    noise, value = energy / rows + 1e-18, 0.0
-    for _ in range(SWEEPS):
-        weights = counts / rows / noise
-        matrix = np.tensordot(weights, square, axes=1) + precision
-        right: Array = weights @ cross + precision @ mean
-        values: Array = np.asarray(np.linalg.inv(matrix), dtype=np.float64) @ right
-        left = energy - 2 * cross @ values + (square @ values) @ values
-        noise = np.maximum(left / rows, 1e-8 * energy / rows + 1e-18)
+    def __init__(self, rec: Recording, prior: tuple[Array, Array], count: float) -> None:
+        n = self.joints = rec.robot.joints
+        most = min(ROWS, EQUATIONS // n)
+        self.rows = np.linspace(0, len(rec.t) - 1, min(most, len(rec.t))).astype(int)
+        self.counts = np.full(n, min(count, most))
+        self.mean, self.precision = prior[0], np.linalg.inv(prior[1])
+        self.rec, self.model = rec, rec.model
+        self.own = self._products(rec)
+        self.slopes, self.crossed, self.squared = self._of_gravity()
+
+    def _motion(self, rec: Recording) -> tuple[Array, Array, Array]:
+        return rec.q[self.rows], rec.dq[self.rows], rec.ddq[self.rows]
+
+    def _products(self, rec: Recording) -> _Products:
+        q, dq, ddq = self._motion(rec)
+        n, every = self.joints, np.arange(self.joints)
+        stack = self.model.stack(q, dq, ddq)
+        fast = np.maximum(np.percentile(np.abs(dq), 98, axis=0), 1e-6)
+        columns = np.zeros((len(stack) + n, n, len(q)))
+        columns[: len(stack)] = stack
+        columns[len(stack) + every, every] = np.tanh(dq.T / (_WIDTH * fast)[:, None])
+        return _Products(
+            columns=columns,
+            square=np.matmul(columns.transpose(1, 0, 2), columns.transpose(1, 2, 0)),
+            known=self.model.known_torque(q).T,
+            fast=fast,
+            top=np.maximum(np.abs(ddq).max(axis=0), 1e-9),
+        )
+
+    def _of_gravity(self) -> tuple[Array, Array, Array]:
+        """What 1 m/s^2 along each axis adds to the inertial columns, and its products.
+
+        (3, 10 n, n, T); (3, n, 10 n, p) with all columns; (3, 3, n, 10 n, 10 n) with itself.
+        """
+        robot, links = self.rec.robot, 10 * self.joints
+        slopes = np.empty((3, links, *self.own.columns.shape[1:]))
+        for slope, way in zip(slopes, np.eye(3), strict=True):
+            turned = replace(self.rec, robot=replace(robot, gravity=robot.gravity + way))
+            stack = turned.model.stack(*self._motion(self.rec))
+            slope[:] = stack[:links] - self.own.columns[:links]
+        rows, along = slopes.transpose(0, 2, 1, 3), self.own.columns.transpose(1, 2, 0)
+        crossed = np.matmul(rows, along)
+        squared = np.matmul(rows[:, None], rows.swapaxes(2, 3)[None])
+        return slopes, crossed, squared
+
+    def _turned(self, gravity: Array) -> _Products:
+        """Products of the own motion under another gravity (3) [m/s^2]."""
+        by, links = gravity - self.rec.robot.gravity, 10 * self.joints
+        columns, square = self.own.columns.copy(), self.own.square.copy()
+        columns[:links] += np.tensordot(by, self.slopes, axes=1)
+        crossed = np.tensordot(by, self.crossed, axes=1)
+        square[:, :links] += crossed
+        square[:, :, :links] += crossed.swapaxes(1, 2)
+        square[:, :links, :links] += np.tensordot(np.outer(by, by), self.squared, axes=2)
+        return replace(self.own, columns=columns, square=square)
+
+    def cost(self, rec: Recording, gravity: Array | None = None) -> float:
+        """Negative log likelihood of the model and its prior at its best [nats].
+
+        Args:
+            rec: The recording, or one with other signals.
+            gravity: (3) [m/s^2] instead of the robot's, under the recording's own motion.
+        """
+        if gravity is not None:
+            of = self._turned(gravity)
+        elif all(getattr(rec, x) is getattr(self.rec, x) for x in ("q", "dq", "ddq")):
+            of = self.own
+        else:
+            of = self._products(rec)
+        n, rows, counts = self.joints, len(self.rows), self.counts
+        torque = rec.tau[self.rows].T + of.known
+        cross = np.matmul(of.columns.transpose(1, 0, 2), torque[:, :, None])[:, :, 0]
+        energy = np.square(torque).sum(axis=1)
+        size = np.sqrt(energy / rows) + 1e-12
+        # Motors that drive several joints have columns of their own between inertia and Coulomb.
+        coupling = np.full(len(of.columns) - 13 * n, size.max() / of.fast.min())
+        expected = _FRICTION * size / of.fast, 0 * size, 0 * coupling, _FRICTION * size
+        mean = np.concatenate([self.mean, *expected])
+        precision = np.zeros((len(mean), len(mean)))
+        precision[: 10 * n, : 10 * n] = self.precision
+        rest = np.arange(10 * n, len(mean))
+        usual = np.concatenate([size / of.fast, size / of.top, coupling, size])
+        precision[rest, rest] = 1 / np.square(_SPREAD * usual)
+        pulled = precision @ mean
+        noise, values = energy / rows + 1e-18, mean
+        for _ in range(SWEEPS):
+            weights = counts / rows / noise
+            matrix = np.tensordot(weights, of.square, axes=1) + precision
+            values = np.asarray(np.linalg.solve(matrix, weights @ cross + pulled), np.float64)
+            left = energy - 2 * cross @ values + (of.square @ values) @ values
+            noise = np.maximum(left / rows, 1e-8 * energy / rows + 1e-18)
         away = values - mean
-        value = 0.5 * float(counts @ np.log(noise)) + 0.5 * float(away @ precision @ away)
-    return value
+        return 0.5 * float(counts @ np.log(noise)) + 0.5 * float(away @ precision @ away)

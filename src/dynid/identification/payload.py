@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Finding, freeze, scipy_part, told
+from dynid.core import Array, Finding, freeze, told
 from dynid.identification.shared import PAYLOAD, UNKNOWN, SharedFit, SharedProblem
 from dynid.robot import (
     PARAMETER_UNITS,
@@ -24,50 +24,46 @@ from dynid.robot import (
 
 _START = 1e-3
 """Smallest eigenvalue of the first body, over the largest."""
-_GRADIENT = 1e-12
-"""At the end, over the misfit of the first body."""
-_MATRICES = np.eye(16).reshape(16, 4, 4)
-_BENDS = _MATRICES[:, None] @ _MATRICES.swapaxes(1, 2)
+_BARRIERS = 4.0 ** -np.arange(0, 24)
+"""Weights of the barrier, over the misfit of the first body: each body starts the next."""
+_NEWTON = 50
+"""Most steps with one of them; a few are enough."""
+_WHOLE, _STILL = 0.25, 1e-3
+"""Steps that are taken whole, and last ones, as the barrier measures them: the digits double."""
+_UNITS = to_pseudo_inertia(np.eye(10))
 
 
 def nearest_body(free: Array, covariance: Array) -> Array:
     """Minimise (p - p0)' C^-1 (p - p0) over parameters whose pseudo-inertia is not negative.
 
     p0 (10) is the free estimate, C (10, 10) its covariance. This is the constrained least-squares
-    answer of the whole problem, with all else already eliminated. With J = L L' nothing is left
-    that constrains L (4, 4), and no minimum but the best one (Burer and Monteiro 2005).
+    answer of the whole problem, with all else already eliminated. The logarithm of the determinant
+    keeps bodies inside, with a weight that goes to zero (Boyd and Vandenberghe 2004, chapter 11).
     """
     values, vectors = np.linalg.eigh(to_pseudo_inertia(free))
     if values[0] >= 0:
         return free.copy()
     first = vectors * np.sqrt(np.maximum(values, _START * float(np.abs(values).max())))
     white = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=np.float64)
+    # Of the first body, symmetric matrices (4, 4) are ten numbers: it is the unit matrix.
+    bodies = from_pseudo_inertia(first @ _UNITS @ first.T)
+    slope = bodies @ white.T
+    x: Array = from_pseudo_inertia(np.eye(4))
+    size = 1.0 / float(np.square(x @ slope - white @ free).sum())
+    square, pull = size * slope @ slope.T, size * slope @ (white @ free)
 
-    def body(square: Array) -> Array:
-        return from_pseudo_inertia(first @ square @ first.T)
-
-    def parts(x: Array) -> tuple[Array, Array]:
-        """The whitened gap (10), and its slope (16, 10)."""
-        factor = np.eye(4) + x.reshape(4, 4)
-        turned = _MATRICES @ factor.T
-        gap = white @ (body(factor @ factor.T) - free)
-        return gap, body(turned + turned.swapaxes(1, 2)) @ white.T
-
-    def cost(x: Array) -> tuple[float, Array]:
-        gap, slope = parts(x)
-        return size / 2 * float(gap @ gap), size * slope @ gap
-
-    def curvature(x: Array) -> Array:
-        gap, slope = parts(x)
-        return size * (slope @ slope.T + bends @ gap)
-
-    start = np.zeros(16)
-    size = 1.0 / float(np.square(parts(start)[0]).sum())
-    bends = body(_BENDS + _BENDS.swapaxes(0, 1)) @ white.T
-    how = {"method": "trust-exact", "options": {"gtol": _GRADIENT}}
-    found = scipy_part("optimize").minimize(cost, start, jac=True, hess=curvature, **how)
-    factor = np.eye(4) + np.asarray(found.x, dtype=np.float64).reshape(4, 4)
-    return body(factor @ factor.T)
+    for weight in _BARRIERS.tolist():
+        for _ in range(_NEWTON):
+            turned = np.linalg.solve(np.tensordot(x, _UNITS, axes=1), _UNITS)
+            down = square @ x - pull - weight * np.trace(turned, axis1=1, axis2=2)
+            bent = np.tensordot(turned, turned, axes=((1, 2), (2, 1)))
+            step = -np.asarray(np.linalg.solve(square + weight * bent, down), dtype=np.float64)
+            long = float(np.sqrt(max(0.0, -float(down @ step)) / weight))
+            # Damped so, no step leaves the bodies that can exist: the barrier is self-concordant.
+            x = x + step / (1.0 if long < _WHOLE else 1.0 + long)
+            if long < _STILL:
+                break
+    return x @ bodies
 
 
 NORMAL_95 = 1.959964

@@ -32,19 +32,23 @@ REGIONS_FROM = 1e-2
 motion leaves that much to the prior."""
 
 
+def _require_estimator(settings: IdentifySettings) -> None:
+    asked = settings.estimator
+    if not isinstance(asked, identification.Estimator | str | None):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise InputError(
+            "an estimator of your own is an object of a class that derives from dynid.Estimator",
+            where="estimator",
+            value=type(asked).__name__,
+            next_step="Write it as examples/own_estimator.py does.",
+        )
+
+
 def _estimator(
     settings: IdentifySettings, robot: RobotModel, choice: identification.Selection | None
 ) -> identification.Estimator:
     """The estimator that settings ask for, or the one that was chosen (None: preset `paper`)."""
     if isinstance(settings.estimator, identification.Estimator):
         return settings.estimator
-    if not isinstance(settings.estimator, str | None):  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise InputError(
-            "an estimator of your own is an object of a class that derives from dynid.Estimator",
-            where="estimator",
-            value=type(settings.estimator).__name__,
-            next_step="Write it as examples/own_estimator.py does.",
-        )
     weight = 0.0 if choice is None else choice.near_weights[-1]
     gain = None if choice is None else identification.PRIOR_GAIN
     word = settings.estimator or ("ols" if choice is None else "wls")
@@ -211,6 +215,7 @@ def prepare(
 
     What the processing sets stays; `progress` is told how far it is (0 to 1).
     """
+    _require_estimator(settings)
     choice, words = None, ()
     if settings.preset == "best":
         choice, words = choose(records, robot, settings, processing, progress)
