@@ -12,7 +12,7 @@ import numpy as np
 
 from dynid.core import Array
 from dynid.diagnosis.residual import BLOCKS, LEAST_ERROR, Fits, Recording, Reference
-from dynid.regressor import InverseDynamicModel
+from dynid.regressor import InverseDynamicModel, motor_turns
 from dynid.robot import RobotModel, from_pseudo_inertia
 
 Undo = Callable[[Recording, Array], Recording]
@@ -87,13 +87,17 @@ class _Torques:
         self.rec, self.model = ref.recording, ref.recording.model
         self.joints = self.rec.robot.joints
         self.parameters = np.array(values[: len(self.model.columns)])
-        viscous = self.parameters[10 * self.joints : 11 * self.joints].copy()
-        self.parameters[10 * self.joints : 11 * self.joints] = 0.0
+        first, turns = 10 * self.joints, motor_turns(self.rec.robot)
+        # Of joints, then of coupled motors, whose Coulomb friction comes first.
+        viscous = self.parameters[first : first + self.joints].copy()
+        coupled = self.parameters[first + 2 * self.joints :].reshape(3, -1)
+        turned = (self.rec.dq @ turns.T * coupled[1]) @ turns
+        self.parameters[first : first + self.joints] = coupled[:2] = 0.0
         self.here = self.at()
-        self.smooth = self.here + self.rec.dq * viscous
+        self.smooth = self.here + self.rec.dq * viscous + turned
         # What bends a gear: motors turn before it.
         self.beyond_gears = self.parameters.copy()
-        self.beyond_gears[11 * self.joints : 12 * self.joints] = 0.0
+        self.beyond_gears[first + self.joints :] = 0.0
         self.links = self.at(parameters=self.beyond_gears)
 
     def at(
