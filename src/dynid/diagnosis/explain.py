@@ -138,7 +138,7 @@ def explain(
         first = admitted[0]
         if best.kind in COUPLED:
             first = _turned(fitted, prior, added, first)
-            if not right and len(coupled) < len(found):
+            if not right and any(e.kind not in COUPLED for e in found):
                 # What was found without them may be an effect of theirs.
                 recording, added = told, []
                 found = [e for e in found if e.kind in COUPLED]
@@ -274,8 +274,8 @@ def _confirmed(
     if known.kind not in COUPLED or known.undo is None:
         return True
     if any(_same(e, known) for e in found):
-        # Its turns are those that fit best.
-        return False
+        # Its turns are those that fit best, unless others were found since.
+        return not _same(found[-1], known)
     undone = _fitted(known.undo(start[0].recording, best.values), prior, added)
     return _drop(start, undone) > OFFSET_LIKELY
 

@@ -27,6 +27,8 @@ WIDENINGS = 3
 """Solutions until the spread of a fault's sizes holds those that were found."""
 LEAST_ARM_M = 0.02
 """Shorter offsets between joints have no length that could be wrong."""
+FARTHEST = 2
+"""How many joints a motor may stand behind another joint with which it turns, as in wrists."""
 
 COUPLED = frozenset({"coupled_friction", "coupled_torques", "coupled_motors"})
 """Kinds of a motor that turns with two joints: joint values; motor torques; motor positions too."""
@@ -144,7 +146,8 @@ def hypotheses(ref: Reference, values: Array) -> list[Hypothesis]:
         found += _of_a_joint(torques, j)
     total = np.tensordot(values, ref.columns, axes=1)
     for m in range(1, torques.joints):
-        found += _of_a_coupling(torques, total, m)
+        for j in range(max(0, m - FARTHEST), m):
+            found += _of_a_coupling(torques, total, j, m)
     return found
 
 
@@ -296,9 +299,9 @@ def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
     )  # fmt: skip
 
 
-def _of_a_coupling(torques: _Torques, total: Array, m: int) -> Iterator[Hypothesis]:
-    """Motor m that turns with the joint before it as well; `total` (n, T) are all torques."""
-    rec, j = torques.rec, m - 1
+def _of_a_coupling(torques: _Torques, total: Array, j: int, m: int) -> Iterator[Hypothesis]:
+    """Motor m that turns with joint j before it as well; `total` (n, T) are all torques."""
+    rec = torques.rec
     if rec.robot.prismatic[m] or rec.robot.prismatic[j]:
         return
     inverse_turns: Array = np.asarray(np.linalg.inv(_turns(rec.robot)), dtype=np.float64)
