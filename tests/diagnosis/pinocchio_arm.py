@@ -57,6 +57,8 @@ class Wrong:
     """Turns of the third motor per turn of the second joint."""
     side: str = "friction"
     """What is told of coupled motors: joint values (`friction`), their `torques`, or `motors`."""
+    still: tuple[int, ...] = ()
+    """Joints that do not move; velocities are measured then."""
     seconds: float = 12.0
     seed: int = 0
 
@@ -94,6 +96,8 @@ def motion(seconds: float = SECONDS) -> tuple[Array, Array, Array, Array]:
 
 def recording(wrong: Wrong) -> ExperimentRecord:
     t, q, dq, ddq = motion(wrong.seconds)
+    for moved in (q, dq, ddq):
+        moved[:, list(wrong.still)] = 0.0
     model = pin.buildModelFromXML(urdf())
     lean = np.radians(wrong.tilt_deg)
     model.gravity.linear = 9.80665 * np.array(
@@ -125,7 +129,12 @@ def recording(wrong: Wrong) -> ExperimentRecord:
     torque = np.roll(torque, wrong.late, axis=0)
     if wrong.exchanged:
         q, torque = q[:, [0, 2, 1]], torque[:, [0, 2, 1]]
-    return ExperimentRecord(t=t, signals={"q": q, "effort": torque})
+    signals = {"q": q, "effort": torque}
+    if wrong.still:
+        draw = np.random.default_rng([wrong.seed, 1])
+        signals["q"] = q + 5e-6 * draw.normal(size=q.shape)
+        signals["qd"] = dq + 1e-3 * draw.normal(size=q.shape)
+    return ExperimentRecord(t=t, signals=signals)
 
 
 def identified(folder: Path, wrong: Wrong) -> tuple[Estimate, Samples]:

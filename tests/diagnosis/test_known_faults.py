@@ -12,7 +12,10 @@ from pinocchio_arm import NOISE, RATE, Wrong, arm, recording
 
 from dynid.core import Finding
 from dynid.diagnosis import Recording, contact_stretches, diagnose, explain, findings_of
+from dynid.diagnosis.diagnose import recording_of
 from dynid.diagnosis.events import torque_deviations
+from dynid.diagnosis.hypotheses import hypotheses
+from dynid.diagnosis.residual import inertial_prior, reference
 from dynid.recording import ExperimentRecord, RecordMetadata
 from dynid.robot import load_robot, robot_from_chain, with_mount
 from dynid.signals import ProcessingSettings, process
@@ -87,6 +90,7 @@ def test_motors_that_the_robot_file_does_not_couple_are_named(
 ) -> None:
     (found,) = faults(tmp_path, Wrong(coupled=turns, side=side, seconds=24.0))
     assert (found.kind, found.joints) == (f"coupled_{side}", (1, 2))
+    assert found.value == pytest.approx(turns, abs=0.01)
     assert found.value == pytest.approx(turns, abs=SIGMAS * (found.std or 0.0))
     turned = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, round(found.value or 0.0, 3), 1.0]]
     assert f"[drives] coupling = {turned}" in found.next_step
@@ -97,6 +101,29 @@ def test_motors_that_the_robot_file_does_not_couple_are_named(
     mended = load_robot(tmp_path / "mended.toml")
     again = findings_of(recording(Wrong(coupled=turns, seconds=24.0, seed=1)), mended)
     assert [f for f in again if f.severity != "info"] == []
+
+
+def test_friction_of_a_coupled_motor_bends_no_gear(tmp_path: Path) -> None:
+    """Two flexibilities were named on a clean arm: their columns held the motor's Coulomb step."""
+    robot = arm(tmp_path)
+    turns = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 1.0]])
+    robot = replace(robot, drives=replace(robot.drives, coupling=turns))
+    samples = process(recording(Wrong(coupled=1.0)), robot, ProcessingSettings())
+    ref = reference(recording_of(robot, samples), inertial_prior(robot))
+    names = ref.recording.model.names
+    values = np.zeros(len(ref.columns))
+    values[[names.index("Fcm3"), names.index("Fvm3")]] = 5.0
+    rivals = hypotheses(ref, values)
+    # Wrists have motors that turn with two joints before theirs.
+    assert ("coupled_friction", (0, 2)) in {(rival.kind, rival.joints) for rival in rivals}
+    for rival in rivals:
+        if rival.kind in ("flexibility", "drive_gain", "encoder_zero"):
+            np.testing.assert_array_equal(rival.columns, 0.0)
+        if rival.kind == "delay" and rival.joints == (1,):
+            motors = 5.0 * (ref.recording.ddq[:, 1] + ref.recording.ddq[:, 2])
+            here = slice(5, -5)
+            late = -ref.recording.average(motors[None])[0]
+            np.testing.assert_allclose(rival.columns[0, 1, here], late[here], atol=0.5)
 
 
 @pytest.mark.parametrize(

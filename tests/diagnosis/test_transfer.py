@@ -60,6 +60,19 @@ def test_a_guessed_last_link_has_a_lever(tmp_path: Path, estimator: str) -> None
     assert (result.validation.metrics.rmse < 1.1 * NOISE).all()
 
 
+def test_joints_that_stood_are_not_known(tmp_path: Path) -> None:
+    """Their friction was made of noise, or none with an interval of none."""
+    robot, record = arm(tmp_path), recording(Wrong(still=(1, 2)))
+    result = identify(record, robot, validation=recording(Wrong(seed=9)))
+    named = {name for name in result.estimate.names if name[0] == "F"}
+    assert named
+    assert not {name for name in named if int(name[-1]) > 1 and name[:2] != "Fo"}
+    assert result.validation is not None
+    assert result.validation.covered is not None
+    assert (result.validation.covered > 0.8).all()
+    assert not {f.kind for f in result.warnings} & {"clock_scale", "friction_compensated"}
+
+
 def test_other_friction_is_refitted_and_inertias_stay(estimate: Estimate) -> None:
     other = recording(Wrong(load_friction=0.15, seed=9))
     before = validate(estimate, other)

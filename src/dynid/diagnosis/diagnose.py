@@ -6,7 +6,15 @@ from dataclasses import replace
 import numpy as np
 
 from dynid.core import Array, Finding
-from dynid.diagnosis.events import REVERSAL, Contact, clock_scale, ripple, rows_of, untouched
+from dynid.diagnosis.events import (
+    REVERSAL,
+    Contact,
+    clock_scale,
+    ripple,
+    rows_of,
+    travels,
+    untouched,
+)
 from dynid.diagnosis.explain import Explained, Explanation, explain
 from dynid.diagnosis.hypotheses import COUPLED, LEAST_DELAY_S
 from dynid.diagnosis.residual import ROWS, Recording, inertial_prior, reference
@@ -393,8 +401,8 @@ def _kind_of_torque(explained: Explained, torque: Array, limit: Array) -> list[F
     # The mean over the way: what does not brake, such as an offset, is no friction.
     power = (np.tensordot(values, columns, axes=1) * dq).sum(axis=1)
     friction = power / np.maximum(np.abs(dq).sum(axis=1), 1e-300)
-    # Slides may have no gears.
-    turns = ~np.array(rec.robot.prismatic)
+    # Slides may have no gears, and friction of a joint that stands still is not seen.
+    turns = ~np.array(rec.robot.prismatic) & travels(rec.q)
     shares = (friction[turns] / limit[turns], friction[turns] / np.maximum(torque[turns], 1e-300))
     if turns.any() and all(
         np.median(s) < least for s, least in zip(shares, NO_FRICTION, strict=True)

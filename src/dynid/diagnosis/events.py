@@ -25,6 +25,7 @@ APART = 3.0
 """... and how many times that of the windows that come nearest."""
 COMMON = (20.0, 80.0)
 """Percentiles of repetitions, or along a standstill, between which an error is common to all."""
+STILL = 0.05
 REST = 0.002
 """Share of its range that a joint at rest stays within during a window."""
 ENDS = 5
@@ -341,10 +342,20 @@ def _powers(q: Array, left: Array, orders: Array) -> Array:
     return np.square(np.abs(waves))
 
 
+def travels(q: Array) -> Mask:
+    """(n) joints that move by more than a share `STILL` of what the joint does that moves most.
+
+    Positions q (N, n) [rad or m]. Velocities of the others are mostly noise.
+    """
+    reach = q.std(axis=0)
+    return reach >= STILL * reach.max()
+
+
 def clock_scale(t: Array, q: Array, dq: Array) -> float:
     """Time of the stamps over time of the velocities: positions against integrated velocities."""
     travelled = np.zeros_like(q)
     travelled[1:] = np.cumsum((dq[1:] + dq[:-1]) / 2 * np.diff(t)[:, None], axis=0)
     a, b = travelled - travelled.mean(axis=0), q - q.mean(axis=0)
-    size = np.maximum(np.square(b).sum(axis=0), 1e-12)
-    return float(np.median((a * b).sum(axis=0) / size))
+    moves = travels(q)
+    ratios = (a * b).sum(axis=0) / np.maximum(np.square(b).sum(axis=0), 1e-12)
+    return float(np.median(ratios[moves]))

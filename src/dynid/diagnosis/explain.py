@@ -9,6 +9,7 @@ from dynid.diagnosis.hypotheses import (
     COUPLED,
     Hypothesis,
     Scored,
+    Undo,
     drops,
     hypotheses,
     left_out,
@@ -49,6 +50,9 @@ DRIVES, IMPOSSIBLE = -0.2, 48.0
 """Power of friction, over all of a joint, that no friction has, and what it costs a fit [nats]."""
 EQUAL = 0.8
 """Share of the best explanation's score from which another cannot be told from it."""
+TURNS, FINEST_TURNS, MOST_STEPS = 0.1, 0.005, 16
+"""First step of the search for a motor's turns with another joint, the step that ends it, and how
+many are made."""
 ALONE_SWEEPS = 4
 """Sweeps of such a fit, from where the reference ended."""
 ROUNDS = 6
@@ -104,6 +108,7 @@ def explain(
     n = recording.robot.joints
     found: list[Explanation] = []
     added: list[Hypothesis] = []
+    coupled: list[tuple[Undo, Array]] = []
     fitted = _fitted(recording, prior, added)
     rounds, right = 0, False
     while True:
@@ -130,11 +135,22 @@ def explain(
             break
         if before is not None:
             found.remove(before)
-        found.append(_explanation(admitted[0], admitted[1:], before))
+        first = admitted[0]
+        if best.kind in COUPLED:
+            first = _turned(fitted, prior, added, first)
+            if not right and any(e.kind not in COUPLED for e in found):
+                # What was found without them may be an effect of theirs.
+                recording, added = told, []
+                found = [e for e in found if e.kind in COUPLED]
+                for undo, turns in coupled:
+                    recording = undo(recording, turns)
+            if best.undo is not None:
+                coupled.append((best.undo, first.values))
+        found.append(_explanation(first, admitted[1:], before))
         if best.undo is None:
             added.append(best)
         else:
-            recording = best.undo(recording, admitted[0].values)
+            recording = best.undo(recording, first.values)
         fitted = _fitted(recording, prior, added, values[: 10 * n])
     if any(e.kind == "clock_offset" and abs(e.value) < STEP_S / 2 for e in found):
         # Corrected until nothing was left of it: it was none.
@@ -255,10 +271,44 @@ def _confirmed(
 ) -> bool:
     """Whether motors explain the recording when they are coupled, not their first order alone."""
     known = best.hypothesis
-    if known.kind not in COUPLED or known.undo is None or any(_same(e, known) for e in found):
+    if known.kind not in COUPLED or known.undo is None:
         return True
+    if any(_same(e, known) for e in found):
+        # Its turns are those that fit best, unless others were found since.
+        return not _same(found[-1], known)
     undone = _fitted(known.undo(start[0].recording, best.values), prior, added)
     return _drop(start, undone) > OFFSET_LIKELY
+
+
+def _turned(
+    start: _Fitted, prior: tuple[Array, Array], added: list[Hypothesis], found: Scored
+) -> Scored:
+    """Coupled motors with the turns that fit best.
+
+    The column is the torque that the friction of a motor adds to the other joint; it leaves out
+    that friction turns round with the motor.
+    """
+    undo, links = found.hypothesis.undo, start[2][: len(start[1].inertial)]
+    if undo is None:
+        return found
+
+    def drop(turns: float) -> float:
+        undone = undo(start[0].recording, np.array([turns]))
+        return _drop(start, _fitted(undone, prior, added, links))
+
+    step, turns = TURNS, found.value
+    least = best = drop(turns)
+    for _ in range(MOST_STEPS):
+        beside = [(drop(turns - step), turns - step), (drop(turns + step), turns + step)]
+        least = min(beside)[0]
+        if max(beside)[0] > best:
+            best, turns = max(beside)
+        elif step < FINEST_TURNS:
+            break
+        else:
+            step /= 3
+    std = np.hypot(FINEST_TURNS, step / np.sqrt(max(2 * (best - least), 1.0)))
+    return replace(found, value=turns, values=np.array([turns]), std=float(std))
 
 
 def _same(found: Explanation, now: Hypothesis) -> bool:

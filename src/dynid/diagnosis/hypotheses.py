@@ -12,7 +12,7 @@ import numpy as np
 
 from dynid.core import Array
 from dynid.diagnosis.residual import BLOCKS, LEAST_ERROR, Fits, Recording, Reference
-from dynid.regressor import InverseDynamicModel
+from dynid.regressor import InverseDynamicModel, motor_turns
 from dynid.robot import RobotModel, from_pseudo_inertia
 
 Undo = Callable[[Recording, Array], Recording]
@@ -27,6 +27,8 @@ WIDENINGS = 3
 """Solutions until the spread of a fault's sizes holds those that were found."""
 LEAST_ARM_M = 0.02
 """Shorter offsets between joints have no length that could be wrong."""
+FARTHEST = 2
+"""How many joints a motor may stand behind another joint with which it turns, as in wrists."""
 
 COUPLED = frozenset({"coupled_friction", "coupled_torques", "coupled_motors"})
 """Kinds of a motor that turns with two joints: joint values; motor torques; motor positions too."""
@@ -87,13 +89,17 @@ class _Torques:
         self.rec, self.model = ref.recording, ref.recording.model
         self.joints = self.rec.robot.joints
         self.parameters = np.array(values[: len(self.model.columns)])
-        viscous = self.parameters[10 * self.joints : 11 * self.joints].copy()
-        self.parameters[10 * self.joints : 11 * self.joints] = 0.0
+        first, turns = 10 * self.joints, motor_turns(self.rec.robot)
+        # Of joints, then of coupled motors, whose Coulomb friction comes first.
+        viscous = self.parameters[first : first + self.joints].copy()
+        coupled = self.parameters[first + 2 * self.joints :].reshape(3, -1)
+        turned = (self.rec.dq @ turns.T * coupled[1]) @ turns
+        self.parameters[first : first + self.joints] = coupled[:2] = 0.0
         self.here = self.at()
-        self.smooth = self.here + self.rec.dq * viscous
+        self.smooth = self.here + self.rec.dq * viscous + turned
         # What bends a gear: motors turn before it.
         self.beyond_gears = self.parameters.copy()
-        self.beyond_gears[11 * self.joints : 12 * self.joints] = 0.0
+        self.beyond_gears[first + self.joints :] = 0.0
         self.links = self.at(parameters=self.beyond_gears)
 
     def at(
@@ -140,7 +146,8 @@ def hypotheses(ref: Reference, values: Array) -> list[Hypothesis]:
         found += _of_a_joint(torques, j)
     total = np.tensordot(values, ref.columns, axes=1)
     for m in range(1, torques.joints):
-        found += _of_a_coupling(torques, total, m)
+        for j in range(max(0, m - FARTHEST), m):
+            found += _of_a_coupling(torques, total, j, m)
     return found
 
 
@@ -292,9 +299,9 @@ def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
     )  # fmt: skip
 
 
-def _of_a_coupling(torques: _Torques, total: Array, m: int) -> Iterator[Hypothesis]:
-    """Motor m that turns with the joint before it as well; `total` (n, T) are all torques."""
-    rec, j = torques.rec, m - 1
+def _of_a_coupling(torques: _Torques, total: Array, j: int, m: int) -> Iterator[Hypothesis]:
+    """Motor m that turns with joint j before it as well; `total` (n, T) are all torques."""
+    rec = torques.rec
     if rec.robot.prismatic[m] or rec.robot.prismatic[j]:
         return
     inverse_turns: Array = np.asarray(np.linalg.inv(_turns(rec.robot)), dtype=np.float64)

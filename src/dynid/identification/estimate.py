@@ -24,6 +24,7 @@ from dynid.core import (
     write_json,
 )
 from dynid.identification.selection.assessment import Assessment, assessment_from_json
+from dynid.identification.selection.unseen import unseen
 from dynid.identification.statistics import relative_std_percent
 from dynid.regressor import CHUNK, InverseDynamicModel, terms_from_json
 from dynid.robot import robot_from_json, robot_to_json
@@ -251,13 +252,23 @@ class Estimate:
                 next_step="Identify again with this version.",
             )
         interval, width = self.assessment.interval, np.empty(q.shape)
+        known = self.motion
+        never = unseen(
+            self.model.robot,
+            dict(zip(self.names, self.values.tolist(), strict=True)),
+            known.upper - known.lower,
+            known.speed,
+            known.acceleration,
+        )
         for first in range(0, len(q), CHUNK):
             part = slice(first, first + CHUNK)
             now = None if state is None else state[:, part]
             stack = self.model.stack(q[part], dq[part], ddq[part], state=now)
             columns = stack[list(self.independent)]
-            moving = np.abs(dq[part].T) > interval.slowest[:, None]
-            width[part] = interval.half_width(self.names, self.values, columns, moving, level).T
+            motion = dq[part].T, ddq[part].T
+            width[part] = interval.half_width(
+                self.names, self.values, columns, motion, never, level
+            ).T
         return read_only(width)
 
     def standard_table(self) -> list[dict[str, Any]] | None:

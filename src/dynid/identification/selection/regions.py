@@ -15,6 +15,7 @@ import numpy as np
 
 from dynid.core import Array, Indices, InputError, Mask, freeze, plain, scipy_part
 from dynid.identification.bayesian import symbol_of
+from dynid.identification.selection.unseen import Unseen
 from dynid.robot import PARAMETERS
 
 FINE, COARSE = 8, 4
@@ -167,7 +168,13 @@ class TorqueInterval:
         freeze(self, quantiles=(2, n, len(LEVELS)))
 
     def half_width(
-        self, names: Sequence[str], values: Array, columns: Array, moving: Mask, level: float
+        self,
+        names: Sequence[str],
+        values: Array,
+        columns: Array,
+        motion: tuple[Array, Array],
+        unseen: Unseen,
+        level: float,
     ) -> Array:
         """(n, N) half widths [N.m or N] of the intervals of states.
 
@@ -175,7 +182,8 @@ class TorqueInterval:
             names: (r) of the base parameters.
             values: (r) base parameters.
             columns: (r, n, N) base columns of the states.
-            moving: (n, N) whether each joint moves.
+            motion: (n, N) their velocities and accelerations, in SI units.
+            unseen: What the recording could not show.
             level: Share of measured torques that shall lie within, 0.5 to 0.99.
 
         Raises:
@@ -185,6 +193,7 @@ class TorqueInterval:
             raise InputError(
                 "level of an interval", value=level, limit=f"{LEVELS[0]} to {LEVELS[-1]}"
             )
+        dq, ddq = motion
         inertial = {"Im", "Imm", *PARAMETERS}
         rubs = [k for k, name in enumerate(names) if symbol_of(name) not in inertial]
         friction = np.tensordot(values[rubs], columns[rubs], axes=1)
@@ -197,16 +206,18 @@ class TorqueInterval:
                 stiction[j] = abs(values[k]) * np.sqrt(np.maximum(1.0 - columns[k, j] ** 2, 0.0))
         variance = np.square(self.sigma)[:, None]
         variance = variance + np.square(self.scale)[:, None] * leverage(self.root, columns)
-        rest, motion = np.array(
+        rest, moved = np.array(
             [[np.interp(level, LEVELS, row) for row in part] for part in self.quantiles],
             dtype=np.float64,
         )
         # As arithmetic: the type of `where` is not known to checkers.
-        factor = rest[:, None] + moving * (motion - rest)[:, None]
+        factor = rest[:, None] + (np.abs(dq) > self.slowest[:, None]) * (moved - rest)[:, None]
         # Friction at rest is anywhere between its bounds.
         half = np.maximum(factor * np.sqrt(variance), level * stiction)
         normal = NormalDist().inv_cdf((1.0 + level) / 2.0)
-        return np.hypot(half, normal * np.hypot(FRICTION_CHANGE * friction, GAIN_CHANGE * torque))
+        change = np.hypot(FRICTION_CHANGE * friction, GAIN_CHANGE * torque)
+        hidden = unseen.deviation(dq, ddq, friction, self.sigma)
+        return np.hypot(half, normal * np.hypot(change, hidden))
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""

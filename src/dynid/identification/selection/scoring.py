@@ -30,8 +30,9 @@ from dynid.identification.selection.regions import (
     moving_rows,
     stretches,
 )
+from dynid.identification.selection.unseen import standing
 from dynid.reduction import reduce_model
-from dynid.regressor import FrictionTerms, InverseDynamicModel, coupled_motors
+from dynid.regressor import TERMS, FrictionTerms, InverseDynamicModel, coupled_motors
 from dynid.robot import RobotModel
 from dynid.signals import ProcessingSettings, Samples, UniformSignals, delayed, samples_from
 
@@ -444,4 +445,8 @@ class ScoreSearch:
             # The Coulomb column stands first among a joint's own.
             if len(pick.unknowns) > self.base.rank and values[pick.unknowns[self.base.rank]] <= 0:
                 dropped.add(f"Fc{j + 1}")
+        # Of a joint that stands still they would be made of noise.
+        reach = np.ptp(np.concatenate([r.q for r in self.recordings]), axis=0)
+        still = np.flatnonzero(standing(self.robot, reach)) + 1
+        dropped |= {f"{term.capitalize()}{j}" for term in (*TERMS, LOAD) for j in still}
         return found.without(dropped, self.robot.joints)
