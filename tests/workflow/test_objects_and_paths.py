@@ -37,6 +37,7 @@ class Given:
     other: Any
     """At another temperature."""
     loaded: Any
+    poses: Any
     """The motion of `record` with a payload."""
     estimate: Any
     warm: Any
@@ -63,6 +64,10 @@ def paths(tmp_path_factory: pytest.TempPathFactory) -> Given:
     ):
         record = dynid.simulate_recording(arm, motion, thermal=degC, seed=len(name))
         dynid.write_record(record, folder / f"{name}.parquet")
+    single = np.random.default_rng(0).uniform(-1, 1, (2, 40, robot.joints))
+    signals = {"q": single[0], "effort": single[1]}
+    poses = dynid.ExperimentRecord(t=np.arange(40.0), signals=signals)
+    dynid.write_record(poses, folder / "poses.parquet")
     found = dynid.identify_temperature(
         [folder / "record.parquet", folder / "other.parquet"], robot, PAPER
     )
@@ -74,7 +79,7 @@ def paths(tmp_path_factory: pytest.TempPathFactory) -> Given:
     return Given(
         folder=folder,
         robot=path,
-        **{name: folder / f"{name}.parquet" for name in ("record", "other", "loaded")},
+        **{name: folder / f"{name}.parquet" for name in ("record", "other", "loaded", "poses")},
         **{
             name: folder / f"{name}.json"
             for name in ("estimate", "warm", "temperature", "design", "trajectory")
@@ -90,6 +95,7 @@ def objects(paths: Given) -> Given:
         record=dynid.read_record(paths.record),
         other=dynid.read_record(paths.other),
         loaded=dynid.read_record(paths.loaded),
+        poses=dynid.read_record(paths.poses),
         estimate=dynid.read_estimate(paths.estimate),
         warm=dynid.read_estimate(paths.warm),
         temperature=dynid.read_temperature(paths.temperature),
@@ -208,6 +214,10 @@ CASES: dict[str, tuple[str, Callable[[Given, Path], Any]]] = {
     "identify_payload, several": (
         "robot record other loaded",
         lambda g, _: dynid.identify_payload([g.record, g.other], [g.loaded], g.robot).to_json(),
+    ),
+    "identify_gravity": (
+        "robot poses",
+        lambda g, _: dynid.identify_gravity(g.poses, g.robot).to_json(),
     ),
     "identify_gains_from_payload": (
         "robot record loaded",

@@ -241,7 +241,7 @@ def reduce_model(
     rows = max(samples, -(-3 * len(model.columns) // (2 * model.robot.joints)))
     q, dq, ddq = random_states(model.robot, rows, seed)
     if static:
-        dq, ddq = np.zeros((2, *q.shape))
+        dq = ddq = np.zeros_like(q)
     w = structural.observation_matrix(q, dq, ddq)
     if not static and any(term == "fs" for term, _ in model.friction.terms):
         # Random speeds of pi rad/s rarely meet a Stribeck peak that ends near 0.1 rad/s.
