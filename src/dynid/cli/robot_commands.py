@@ -56,7 +56,8 @@ def analyze_command(
     ] = "",
     mount: MountOption = None,
     samples: Annotated[
-        int, ask.option("N", "Random points of the regressor.", min=1, max=MAX_SAMPLES)
+        int,
+        ask.option("N", "Random points; more where the rank needs them.", min=1, max=MAX_SAMPLES),
     ] = 25,
     seed: ask.SeedOption = 0,
     terms: Annotated[
