@@ -129,7 +129,7 @@ def test_a_slow_part_below_white_noise_is_summed_to_its_end() -> None:
     white, drive = generator.normal(size=(2, 100, 2500))
     slow = lfilter([np.sqrt(1 - rho**2)], [1, -rho], drive, axis=1)
     noise = (white + slow) / np.sqrt(2)
-    lag = correlation_lag(noise[:6], 125.0)
+    lag = correlation_lag(noise[:6], 125.0, below_white=True)
     variance = np.diag(long_run_covariance(noise, lag)).mean() / noise.shape[1]
     assert 0.8 < variance / (0.5 + 0.5 * (1 + rho) / (1 - rho)) < 1.0
 

@@ -140,7 +140,7 @@ def plan_pass(
         base=base,
         values=fit.values,
         weights=fit.weights,
-        lag=statistics.correlation_lag(residual, problem.rate_hz, rows, below_white=False),
+        lag=statistics.correlation_lag(residual, problem.rate_hz, rows),
         regions=regions,
         stretches=BLOCKS,
         factors=bool(np.linalg.cond(columns) > COARSEST),

@@ -330,7 +330,8 @@ def shared_sandwich(
         summed, lag = np.zeros((len(naive), rows)), 1
         for k in group:
             scores, residual = scored(k)
-            lag = max(lag, correlation_lag(residual, problem.problems[k].rate_hz))
+            rate = problem.problems[k].rate_hz
+            lag = max(lag, correlation_lag(residual, rate, below_white=True))
             summed += scores[:, :rows]
         short = 1.0 / max(1.0 - 2.0 * lag / rows, 0.5)
         long_run += freedom(rows, len(group)) * short * long_run_covariance(summed, lag)

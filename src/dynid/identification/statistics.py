@@ -215,7 +215,7 @@ def hac_covariance(fit: Fit, problem: IdentificationProblem) -> Array:
     scores, residual = scores_of(
         problem.chunks(), problem.blocks, fit.values, fit.weights, fit.row_weights
     )
-    lag = correlation_lag(residual, problem.rate_hz, below_white=False)
+    lag = correlation_lag(residual, problem.rate_hz)
     floor = np.diag(naive_covariance(fit))
     if autocorrelation(residual, 1).max() > MODEL_CORRELATION and fit.row_weights is None:
         floor = np.maximum(floor, np.diag(ar_covariance(fit, problem, residual)))
@@ -270,14 +270,14 @@ def sandwich(fit: Fit, bread: Array, long_run: Array, rows: int, lag: int, floor
 
 
 def correlation_lag(
-    residual: Array, rate_hz: float, rows: int | None = None, *, below_white: bool = True
+    residual: Array, rate_hz: float, rows: int | None = None, *, below_white: bool = False
 ) -> int:
     """Lags to include, from the residuals' autocorrelation.
 
-    Andrews' rule for Bartlett weights, each joint AR(1) noise beside white noise, the slowest
-    joint, and never less than `MIN_LAG_S`. `rows` is how many rows there are where the residuals
-    are a part of them. Without `below_white` it is AR(1) alone: fewer lags, whose sums scatter
-    less, for where `ar_covariance` stands below them.
+    Andrews' rule for Bartlett weights with AR(1) noise, the slowest joint, and never less than
+    `MIN_LAG_S`. `rows` is how many rows there are where the residuals are a part of them. With
+    `below_white` the slow noise may lie below white noise: more lags, whose sums scatter more, for
+    where no `ar_covariance` stands below them.
     """
     samples = rows or residual.shape[1]
     first = np.clip(autocorrelation(residual, 1), 0.0, 0.995)
