@@ -247,6 +247,7 @@ def gravity_command(
         style="bold",
     )
     given = found.published
+    prior = "plausible bodies" if given is None else "published inertias"
     rows = [
         (
             name,
@@ -264,7 +265,7 @@ def gravity_command(
             show.number(row["value"]),
             show.number(row["std"], 2),
             row["unit"],
-            "published inertias" if row["from_prior"] else "poses",
+            prior if row["from_prior"] else "poses",
         )
         for row in data["parameters"]
     ]
