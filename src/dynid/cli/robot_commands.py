@@ -227,8 +227,9 @@ def gravity_command(
     """Gravity parameters and stiction, from poses at rest."""
     from dynid.core import write_json
     from dynid.figures import joint_unit
+    from dynid.identification import identify_gravity
     from dynid.robot import with_mount
-    from dynid.workflow import identify_gravity, open_records
+    from dynid.workflow import open_records
 
     if output is not None:
         show.check_output(output, inputs=[record], suffix=".json", force=force)

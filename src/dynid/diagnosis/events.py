@@ -26,6 +26,7 @@ APART = 3.0
 COMMON = (20.0, 80.0)
 """Percentiles of repetitions, or along a standstill, between which an error is common to all."""
 STILL = 0.05
+"""Share of the largest motion of a joint below which another one counts as standing."""
 REST = 0.002
 """Share of its range that a joint at rest stays within during a window."""
 ENDS = 5

@@ -36,6 +36,7 @@ from dynid.identification.fleet import shared_names as shared_names
 from dynid.identification.fleet import solve_robot as solve_robot
 from dynid.identification.gravity import GravityEstimate as GravityEstimate
 from dynid.identification.gravity import gravity_of as gravity_of
+from dynid.identification.gravity import identify_gravity as identify_gravity
 from dynid.identification.instrumental import ClosedLoop as ClosedLoop
 from dynid.identification.instrumental import InstrumentalVariables as InstrumentalVariables
 from dynid.identification.instrumental import OutputError as OutputError

@@ -9,14 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, freeze
+from dynid.core import Array, InputError, Mask, freeze
 from dynid.identification import least_squares
 from dynid.identification.bayesian import deviations, inertial_prior, posterior
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
+from dynid.recording import ExperimentRecord, RecordLike, are_poses, open_record
 from dynid.reduction import BaseParametrization, reduce_model
 from dynid.regressor import InverseDynamicModel
-from dynid.robot import RobotModel
-from dynid.signals import Samples
+from dynid.robot import RobotLike, RobotModel, load_robot
+from dynid.signals import Samples, measured_torque
 
 STILL_HZ = 1.0
 """Rate and cut-off that samples without time are given."""
@@ -26,6 +27,13 @@ FROM_PRIOR = 0.7
 """Standard deviation over the prior's from which the poses show little of a parameter."""
 LEAST_SPREAD = 1e-6
 """Of the prior in any direction, over its largest."""
+
+
+STILL = 2e-3
+"""Displacement within twice `BESIDE_S` below which a joint rests [rad or m]."""
+BESIDE_S = 0.15
+STOP_S = 0.3
+"""Shortest stop whose mean is a pose [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,6 +114,50 @@ class GravityEstimate:
             "stiction_band_std": self.band_std.tolist(),
             "unseen": list(self.unseen),
         }
+
+
+def identify_gravity(record: RecordLike, robot: RobotLike, *, frames: str = "") -> GravityEstimate:
+    """Gravity parameters, and what friction may hold, of an arm at rest.
+
+    Each row is a pose where rows are unrelated; of a motion, each stop of all joints is one. What
+    friction holds has a mean only if poses are approached from both sides.
+
+    Args:
+        record: The recording or its file.
+        robot: The robot, or its name or file.
+        frames: Parameter frames; the default is the robot's own.
+
+    Raises:
+        InputError: A recording without poses at rest, without torques, or of another robot.
+    """
+    robot = load_robot(robot)
+    record = open_record(record, robot)
+    torque, q = measured_torque(record, robot), record.signals["q"]
+    if not are_poses(q):
+        q, torque = _stops(record, torque)
+    return gravity_of(robot, q, torque, frames=frames)
+
+
+def _stops(record: ExperimentRecord, torque: Array) -> tuple[Array, Array]:
+    """Mean positions and torques (P, n) of the times at which all joints rest."""
+    q = record.signals["q"]
+    beside = max(round(BESIDE_S * record.rate_hz), 1)
+    still: Mask = np.zeros(len(q) + 2, dtype=np.bool_)
+    moved = np.abs(q[2 * beside :] - q[: -2 * beside]).max(axis=1, initial=0.0)
+    still[1 + beside : 1 + beside + len(moved)] = moved < STILL
+    edges = np.flatnonzero(still[1:] != still[:-1]).reshape(-1, 2)
+    long = [slice(a, b) for a, b in edges if b - a >= STOP_S * record.rate_hz]
+    if len(long) < 2:
+        raise InputError(
+            "the recording has no poses at rest",
+            where=record.metadata.origin or None,
+            value=len(long),
+            limit=f"2 stops of {STOP_S + 2 * BESIDE_S:g} s at least",
+            next_step="Let the arm rest for a second at many poses, or give a row a pose.",
+        )
+    means = [(q[part].mean(axis=0), torque[part].mean(axis=0)) for part in long]
+    places, efforts = zip(*means, strict=True)
+    return np.array(places), np.array(efforts)
 
 
 def gravity_of(robot: RobotModel, q: Array, torque: Array, *, frames: str = "") -> GravityEstimate:

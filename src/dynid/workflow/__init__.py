@@ -47,7 +47,6 @@ from dynid.workflow.shared_inertias import (
 )
 from dynid.workflow.shared_inertias import identify_payload as identify_payload
 from dynid.workflow.shared_inertias import identify_shared as identify_shared
-from dynid.workflow.static_poses import identify_gravity as identify_gravity
 from dynid.workflow.temperature import TemperatureIdentification as TemperatureIdentification
 from dynid.workflow.temperature import identify_temperature as identify_temperature
 from dynid.workflow.until import RunUntil as RunUntil
