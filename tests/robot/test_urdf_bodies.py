@@ -76,6 +76,24 @@ def test_fixed_links_carry_their_shapes(tmp_path: Path) -> None:
     np.testing.assert_allclose(ball.points[0], [0, 0, 0.5], atol=1e-12)
 
 
+def test_what_is_seen_stands_for_collision_geometry_that_is_not_there(tmp_path: Path) -> None:
+    path, _ = arm(tmp_path, '<box size="0.1 0.1 0.1"/>')
+    text = path.read_text().replace("collision>", "visual>")
+    path.write_text(text)
+    bare = load_robot(path)
+    assert [body.name for body in bare.bodies] == ["one 1", "hand 1"]
+    assert any("stands for" in note and "one, hand" in note for note in bare.notes)
+    # One element is enough to say that the author drew what counts.
+    path.write_text(
+        text.replace("visual><geometry><sphere", "collision><geometry><sphere").replace(
+            "</geometry></visual></link><joint", "</geometry></collision></link><joint"
+        )
+    )
+    mixed = load_robot(path)
+    assert [body.name for body in mixed.bodies] == ["hand 1"]
+    assert not any("stands for" in note for note in mixed.notes)
+
+
 def test_what_cannot_be_read_is_noted(tmp_path: Path) -> None:
     path, robot = arm(tmp_path, '<mesh filename="none.stl"/>', '<capsule radius="1"/>')
     found = with_collision_geometry(robot, path)

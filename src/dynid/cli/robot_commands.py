@@ -72,7 +72,7 @@ def analyze_command(
     from dynid.robot import load_robot
     from dynid.workflow import analyze
 
-    model = load_robot(robot, mount=mount)
+    model = load_robot(robot, mount=mount, collision=False)
     result = analyze(model, frames=frames, samples=samples, seed=seed, terms=terms)
     if json:
         show.print_json(result.to_json())

@@ -218,7 +218,7 @@ def _own_pairs(moving: tuple[Body, ...], arm: int) -> list[tuple[int, int]]:
 
 def _note_bodies(robot: RobotModel, settings: ConstraintSettings, notes: list[str]) -> bool:
     """Whether the bodies are known to hold all of the moving links."""
-    notes.extend(robot.body_notes)
+    notes.extend((*robot.notes, *robot.body_notes))
     if not robot.bodies:
         if settings.self_collision:
             notes.append(

@@ -130,7 +130,7 @@ def identify_gravity(record: RecordLike, robot: RobotLike, *, frames: str = "") 
     Raises:
         InputError: A recording without poses at rest, without torques, or of another robot.
     """
-    robot = load_robot(robot)
+    robot = load_robot(robot, collision=False)
     record = open_record(record, robot)
     torque, q = measured_torque(record, robot), record.signals["q"]
     if not are_poses(q):

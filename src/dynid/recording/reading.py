@@ -160,7 +160,7 @@ def read_recording(
         MissingExtraError: A compressed bag without the `ros` extra.
     """
     given = _given_files(paths)
-    robot = None if robot is None else load_robot(robot)
+    robot = None if robot is None else load_robot(robot, collision=False)
     if rate_hz is not None and not 0 < rate_hz < MAX_RATE_HZ:
         raise RecordError(
             "the rate must be positive and finite",

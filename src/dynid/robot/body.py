@@ -7,6 +7,8 @@ holds every triangle whose corners it holds.
 
 import math
 from dataclasses import dataclass
+from functools import cache
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +31,10 @@ WORTH = 0.92
 """Volume that one more body must leave, over that before."""
 _CUTS = 16
 """Planes across each axis, less one."""
-_SAMPLED = 2000
-"""Triangles that decide where a mesh is cut."""
+_DIRECTIONS = 128
+"""In which the points of a part are looked for that tell the volume of its hull."""
+_TOGETHER = 20_000
+"""Points that are looked at at once."""
 _WIDER = 1e-4
 """Added to the radius for the rounding of points to 0.1 mm and for that of the proof [m]."""
 _MOST_TRIANGLES = 200_000
@@ -84,7 +88,7 @@ class Body:
         rings = np.column_stack([wide * np.cos(turns), wide * np.sin(turns), np.cos(heights)])
         ball = np.concatenate([rings, [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
         points = (self.points[:, None] + self.radius * ball).reshape(-1, 3)
-        hull = _joggled(points)
+        hull = _hull(points)
         faces = hull.simplices
         first, second, third = points[faces].transpose(1, 0, 2)
         inward = np.einsum("fx,fx->f", np.cross(second - first, third - first),
@@ -123,7 +127,7 @@ def read_mesh(file: Path, scale: Array) -> Array:
     try:
         mesh = coal.MeshLoader().load(str(file), scale)
         corners = np.asarray(mesh.vertices(), dtype=np.float64).reshape(-1, 3)
-        rows = [mesh.tri_indices(k) for k in range(mesh.num_tris)]
+        rows = [[row[0], row[1], row[2]] for row in map(mesh.tri_indices, range(mesh.num_tris))]
     except (RuntimeError, ValueError) as error:
         raise RobotError(
             f"the mesh {printable(file.name)} cannot be read", value=printable(str(error), 60)
@@ -135,7 +139,7 @@ def read_mesh(file: Path, scale: Array) -> Array:
             value=len(rows),
             limit=f"1 to {_MOST_TRIANGLES}",
         )
-    return corners[np.array([[row[0], row[1], row[2]] for row in rows])]
+    return corners[np.array(rows)]
 
 
 def around_triangles(faces: Array) -> list[tuple[Array, float]]:
@@ -148,53 +152,81 @@ def parts_of(faces: Array, worth: float = WORTH) -> list[Array]:
 
     One more part must leave at most the share `worth` of the volume before.
     """
-    parts = [faces]
+    points, index = np.unique(faces.reshape(-1, 3), axis=0, return_inverse=True)
+    parts = [index.reshape(-1, 3)]
     while len(parts) < PARTS:
-        volumes = [_volume(part) for part in parts]
+        volumes = [_volume(_farthest(points[np.unique(part)])) for part in parts]
         options = [
             (room - whole, k, axis, at)
             for k, (part, whole) in enumerate(zip(parts, volumes, strict=True))
-            for room, axis, at in _cuts(part)
+            for room, axis, at in _cuts(points, part)
         ]
         if not options:
             break
         gain, k, axis, at = min(options)
         if -gain < (1 - worth) * sum(volumes):
             break
-        low = parts[k].mean(axis=1)[:, axis] < at
+        low = points[parts[k]].mean(axis=1)[:, axis] < at
         parts[k : k + 1] = [parts[k][low], parts[k][~low]]
-    return parts
+    return [points[part] for part in parts]
 
 
-def _cuts(faces: Array) -> list[tuple[float, int, float]]:
-    """Volume of both hulls for each plane, the axis across it, and where it stands."""
-    if len(faces) > _SAMPLED:
-        faces = faces[np.random.default_rng(0).choice(len(faces), _SAMPLED, replace=False)]
+def _cuts(points: Array, corners: Indices) -> list[tuple[float, int, float]]:
+    """Volume of both hulls for each plane, the axis across it, and where it stands.
+
+    Triangles have three of the points (P, 3) as corners (T, 3).
+    """
+    faces = points[corners]
     middles = faces.mean(axis=1)
     found: list[tuple[float, int, float]] = []
     for axis in range(3):
         low, high = float(faces[..., axis].min()), float(faces[..., axis].max())
-        for at in np.linspace(low, high, _CUTS + 1)[1:-1].tolist():
-            below = middles[:, axis] < at
-            if below.any() and not below.all():
-                found.append((_volume(faces[below]) + _volume(faces[~below]), axis, at))
+        planes = np.linspace(low, high, _CUTS + 1)[1:-1]
+        slabs: Indices = np.searchsorted(planes, middles[:, axis], side="right")
+        kept = np.unique(slabs).tolist()
+        parts = [_farthest(points[np.unique(corners[slabs == k])]) for k in kept]
+        below = list(accumulate(parts, _farthest_of_both))
+        above = list(accumulate(parts[::-1], _farthest_of_both))[::-1]
+        for k, one, other in zip(kept[1:], below, above[1:], strict=False):
+            found.append((_volume(one) + _volume(other), axis, float(planes[k - 1])))
     return found
+
+
+@cache
+def _directions() -> Array:
+    """(D, 3) directions spread evenly over a sphere."""
+    height = 1 - (2 * np.arange(_DIRECTIONS) + 1) / _DIRECTIONS
+    turn = np.pi * (1 + math.sqrt(5)) * np.arange(_DIRECTIONS)
+    width = np.sqrt(1 - np.square(height))
+    return np.column_stack([width * np.cos(turn), width * np.sin(turn), height])
+
+
+def _farthest(points: Array) -> Array:
+    """The points (P, 3) that are farthest in some direction: their hull is nearly that of all."""
+    towards, count = _directions(), 1 + len(points) // _TOGETHER
+    parts = [part[(towards @ part.T).argmax(axis=1)] for part in np.array_split(points, count)]
+    return parts[0] if count == 1 else _farthest(np.concatenate(parts))
+
+
+def _farthest_of_both(one: Array, other: Array) -> Array:
+    return _farthest(np.concatenate([one, other]))
 
 
 def _hull(points: Array) -> Any:
     """The hull; of flat points that of their neighbourhood."""
+    spatial = scipy_part("spatial")
     size = float(np.ptp(points, axis=0).max())
     if np.linalg.matrix_rank(points - points.mean(axis=0), tol=1e-6 * size) < 3:
         points = np.concatenate([points, points + 1e-5 * np.eye(3)[:, None]], axis=None)
-    return _joggled(points.reshape(-1, 3))
+    points = points.reshape(-1, 3)
+    try:
+        return spatial.ConvexHull(points)
+    except spatial.QhullError:
+        return spatial.ConvexHull(points, qhull_options="QJ")
 
 
-def _joggled(points: Array) -> Any:
-    return scipy_part("spatial").ConvexHull(points, qhull_options="QJ")
-
-
-def _volume(faces: Array) -> float:
-    points = np.unique(faces.reshape(-1, 3), axis=0)
+def _volume(points: Array) -> float:
+    points = np.unique(points, axis=0)
     size = np.ptp(points, axis=0)
     return float(_hull(points).volume) if len(points) > 3 else float(size.prod())
 

@@ -65,11 +65,13 @@ def find_trunk(
     if tip is None:
         _drop_gripper(chosen, notes)
     if not chosen:
+        tips = survey.tips()
+        what = "no chain of moving joints leads from the base" + (" to the tip" if tip else "")
         raise RobotError(
-            "no chain of moving joints leads from the base" + (" to the tip" if tip else ""),
+            what if tip or not tips else "several chains of moving joints leave the base",
             where=where,
             value=tip,
-            limit=survey.tips(),
+            limit=tips or "nothing moves in this file",
             next_step='Name the tip link of the arm: tip = "..." in a robot file',
         )
     within = path[path.index(chosen[0]) : path.index(chosen[-1])]
@@ -206,7 +208,7 @@ class _Survey:
                 elif self.independent(joint):
                     ends.setdefault(self.flange(joint.child), 1)
         ordered = sorted(ends, key=lambda name: -ends[name])
-        return _listed(ordered, 8) or "nothing moves in this file"
+        return _listed(ordered, 8)
 
     def flange(self, link: str) -> str:
         """The link fixed to `link` where tools are mounted, or its only neighbour, or itself."""

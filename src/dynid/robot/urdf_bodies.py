@@ -108,8 +108,9 @@ def with_collision_geometry(
 ) -> RobotModel:
     """The robot with bodies that hold the `collision` elements of its URDF.
 
-    A robot with bodies is returned as it is. Meshes are looked for in further folders too; there is
-    a body note for every element that was left out.
+    A robot with bodies is returned as it is. Of what a joint moves without any such element, the
+    `visual` elements are held: a note says so. Meshes are looked for in further folders too; there
+    is a body note for every element that was left out.
 
     Raises:
         RobotError: The file is not the robot's.
@@ -121,7 +122,13 @@ def with_collision_geometry(
     unread: list[str] = []
     lost: list[tuple[str, str]] = []
     count = Counter[str]()
-    for item in urdf_shapes(robot, path, "collision", tip=tip, mesh_dirs=mesh_dirs):
+    shapes, seen = (
+        list(urdf_shapes(robot, path, kind, tip=tip, mesh_dirs=mesh_dirs))
+        for kind in ("collision", "visual")
+    )
+    given = {item.link for item in shapes}
+    seen = [item for item in seen if item.link not in given]
+    for item in (*shapes, *seen):
         try:
             for points, radius in item.solids():
                 count[item.name] += 1
@@ -140,7 +147,11 @@ def with_collision_geometry(
     if unread:
         named = ", ".join(dict.fromkeys(unread))
         notes.append(f"meshes of {named} are not judged: pip install 'dynid[collision]' reads them")
-    return replace(robot, bodies=tuple(found), body_notes=(*robot.body_notes, *notes))
+    known = robot.notes
+    if seen:
+        named = ", ".join(dict.fromkeys(item.name for item in seen))
+        known = (*known, f"no collision geometry of {named}: what is seen of them stands for it")
+    return replace(robot, bodies=tuple(found), body_notes=(*robot.body_notes, *notes), notes=known)
 
 
 def urdf_shapes(

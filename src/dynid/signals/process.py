@@ -236,7 +236,7 @@ def process(
     Raises:
         InputError: See `uniform_signals`; or too few samples remain.
     """
-    settings, robot = settings or ProcessingSettings(), load_robot(robot)
+    settings, robot = settings or ProcessingSettings(), load_robot(robot, collision=False)
     return samples_from(uniform_signals(open_record(record, robot), robot, settings), settings)
 
 

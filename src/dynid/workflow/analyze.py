@@ -74,5 +74,6 @@ def analyze(
         InputError: Unknown frames or terms, or samples below one.
     """
     friction = parse_terms(terms) if isinstance(terms, str) else terms
-    model = InverseDynamicModel(robot=load_robot(robot), frames=frames, friction=friction)
+    plain = load_robot(robot, collision=False)
+    model = InverseDynamicModel(robot=plain, frames=frames, friction=friction)
     return Analysis(base=reduce_model(model, samples=samples, seed=seed))

@@ -190,7 +190,7 @@ def import_recording(
         JobError: The disk does not take the recording.
     """
     require_absent(Path(output), force=force)
-    model = None if robot is None else load_robot(robot)
+    model = None if robot is None else load_robot(robot, collision=False)
     how = asdict(options or ImportOptions())
     record = recording.read_recording(files, robot=model, **how)
     if robot is not None:
