@@ -177,12 +177,12 @@ def _cuts(points: Array, corners: Indices) -> list[tuple[float, int, float]]:
     Triangles have three of the points (P, 3) as corners (T, 3).
     """
     faces = points[corners]
-    middles = faces.mean(axis=1)
+    middles: Array = faces.mean(axis=1)
     found: list[tuple[float, int, float]] = []
     for axis in range(3):
         low, high = float(faces[..., axis].min()), float(faces[..., axis].max())
         planes = np.linspace(low, high, _CUTS + 1)[1:-1]
-        slabs: Indices = np.searchsorted(planes, middles[:, axis], side="right")
+        slabs = np.searchsorted(planes, middles[:, axis], side="right")
         kept = np.unique(slabs).tolist()
         parts = [_farthest(points[np.unique(corners[slabs == k])]) for k in kept]
         below = list(accumulate(parts, _farthest_of_both))
