@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sysconfig
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from pinocchio_arm import NOISE, RATE, Wrong, arm, recording
 
+from dynid import random_excitation, simulate_recording
 from dynid.core import Finding
 from dynid.diagnosis import Recording, contact_stretches, diagnose, explain, findings_of
 from dynid.diagnosis.diagnose import recording_of
@@ -20,6 +22,10 @@ from dynid.recording import ExperimentRecord, RecordMetadata
 from dynid.robot import load_robot, robot_from_chain, with_mount
 from dynid.signals import ProcessingSettings, process
 
+SO_ARM = Path(
+    sysconfig.get_path("purelib"),
+    "cmeel.prefix/share/example-robot-data/robots/so_arm_description/urdf/so100.urdf",
+)
 SIGMAS, FEW_SIGMAS = 4.0, 1.5
 EARLY_OR_LATE_S = 0.25
 
@@ -40,6 +46,14 @@ def faults(folder: Path, wrong: Wrong) -> list[Finding]:
 )
 def test_clean_recordings_raise_no_finding(tmp_path: Path, wrong: Wrong) -> None:
     assert faults(tmp_path, wrong) == []
+
+
+@pytest.mark.skipif(not SO_ARM.is_file(), reason="the package example-robot-data is not installed")
+def test_torques_that_are_nearly_all_friction_are_not_late() -> None:
+    robot = load_robot(SO_ARM, collision=False)
+    motion = random_excitation(robot.limits.motion, seed=0, margin=0.7, acceleration=8.0)
+    record = simulate_recording(robot, motion, periods=2)
+    assert [finding.kind for finding in findings_of(record, robot)] == []
 
 
 @pytest.mark.parametrize(

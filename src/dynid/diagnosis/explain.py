@@ -269,15 +269,16 @@ def _confirmed(
     best: Scored,
     found: list[Explanation],
 ) -> bool:
-    """Whether motors explain the recording when they are coupled, not their first order alone."""
-    known = best.hypothesis
-    if known.kind not in COUPLED or known.undo is None:
+    """Whether it explains the recording when it is undone, not to its first order alone."""
+    known, coupled = best.hypothesis, best.hypothesis.kind in COUPLED
+    if known.undo is None:
         return True
-    if any(_same(e, known) for e in found):
+    if coupled and any(_same(e, known) for e in found):
         # Its turns are those that fit best, unless others were found since.
         return not _same(found[-1], known)
-    undone = _fitted(known.undo(start[0].recording, best.values), prior, added)
-    return _drop(start, undone) > OFFSET_LIKELY
+    links = None if coupled else start[2][: len(start[1].inertial)]
+    undone = _fitted(known.undo(start[0].recording, best.values), prior, added, links)
+    return _drop(start, undone) > (OFFSET_LIKELY if coupled else 0.0)
 
 
 def _turned(

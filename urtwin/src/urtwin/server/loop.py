@@ -279,7 +279,9 @@ class ControllerServer:
             self.pace.restart(now)
         if self._virtual is None:
             return self.pace.wait(now)
-        if self._compiler.busy:
+        busy = bool(self._clients) or self._machine.core.playing
+        if self._compiler.busy or self._virtual.deserted(now, busy=busy):
+            self.pace.restart(now)
             return _IDLE_S
         paced = self.pace.wait(now) if self._machine.core.network.listening else 0.0
         return max(paced, self._virtual.wait(started, now)) if started else self.pace.wait(now)
