@@ -22,6 +22,8 @@ from dynid.robot import Body, RobotModel, load_robot
 from dynid.trajectory import (
     FourierSeries,
     JointMotion,
+    MotionSequence,
+    PointToPoint,
     Quintic,
     Trajectory,
     random_excitation,
@@ -73,6 +75,22 @@ def test_margins_are_never_above_and_hardly_below_the_truth(
             assert ours <= item.margin + (1e-12 if item.room >= 0 else 1e-5), kind
             loose = 0.005 + 0.11 * abs(item.margin)
             assert ours >= item.margin - loose, kind
+
+
+def test_torque_and_power_beside_jumps_of_the_acceleration_are_those_of_the_motion() -> None:
+    # An allowance for the jump itself made every motion through points at the limit infeasible.
+    judge = safe_constraints(load_robot("ur5"), collision=False)
+    q = np.array([0.3, -1.2, 1.5, -0.5, 1.0, 0.2])
+    legs = [
+        PointToPoint(start=q, goal=q + 0.6, travel_time=0.8),
+        PointToPoint(start=q + 0.6, goal=q - 0.3, travel_time=0.9),
+    ]
+    found = certify(MotionSequence(parts=tuple(legs)), judge)
+    # Of each leg on its own, away from its ends, where the arm counts as resting.
+    seen = [leg.evaluate(np.linspace(1e-9, 1 - 1e-9, 9 * FINE_HZ) * leg.duration) for leg in legs]
+    for kind in ("torque", "power"):
+        truth = min(judge.usage(m.q, m.dq, m.ddq).worst[kind].margin for m in seen)
+        assert truth - 2e-3 <= found.worst[kind].margin <= truth + 1e-4, kind
 
 
 def test_speed_and_momentum_are_those_of_pinocchio() -> None:

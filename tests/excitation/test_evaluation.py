@@ -4,9 +4,20 @@ import numpy as np
 import pytest
 from design_arms import Floats, arm, problem
 
+from dynid.constraints import certify, safe_constraints
 from dynid.core import InputError
-from dynid.excitation import DesignEvaluation, random_numbers, region_of
+from dynid.excitation import (
+    DesignEvaluation,
+    ExcitationProblem,
+    parse_criterion,
+    random_numbers,
+    region_of,
+)
 from dynid.excitation.criteria import smoothed
+from dynid.reduction import reduce_model
+from dynid.regressor import InverseDynamicModel
+from dynid.robot import load_robot
+from dynid.trajectory import motion_family
 
 SLOPE = 1e-6
 """Asked: relative to central differences."""
@@ -65,3 +76,25 @@ def test_problems_that_make_no_sense_are_refused() -> None:
         problem(start_pose=np.zeros(3))
     with pytest.raises(InputError, match="start_pose has the wrong shape"):
         problem(family="modified-fourier", start_pose=np.zeros(4))
+
+
+def test_power_of_motions_through_points_is_seen_where_legs_begin_to_cruise() -> None:
+    robot = load_robot("ur5")
+    asked = ExcitationProblem(
+        base=reduce_model(InverseDynamicModel(robot=robot)),
+        criterion=parse_criterion("cond"),
+        family=motion_family("points", 4.0, 5),
+        constraints=safe_constraints(robot, collision=False),
+    )
+    evaluation, region = DesignEvaluation(asked), region_of(asked)
+    for seed in range(3):
+        x = random_numbers(region, 1, np.random.default_rng(seed), fill=0.9)[0]
+        low, high = 0.0, 1.0
+        for _ in range(12):
+            x_share = np.array(x)
+            x_share[:, 1:] *= (low + high) / 2
+            seen = evaluation.violation(x_share) == 0.0
+            low, high = ((low + high) / 2, high) if seen else (low, (low + high) / 2)
+        x[:, 1:] *= low
+        found = certify(asked.family.trajectory(x[:, 0], x[:, 1:]), asked.constraints)
+        assert found.worst["power"].room > -0.005

@@ -46,6 +46,16 @@ def test_a_motion_that_breaks_a_limit_is_improved_until_it_passes() -> None:
     assert found.certificate.holds
 
 
+def test_a_motion_that_only_seemed_to_pass_is_improved_although_what_follows_is_worth_less() -> (
+    None
+):
+    asked = problem(arm(torque=60.0), safe=True)
+    seemed = Candidate(x=too_fast(asked)[0].x, objective=-100.0, violation=0.0)
+    found = finished(asked, [seemed], stop=False)
+    assert found.repair == "tightened"
+    assert found.certificate.holds
+
+
 def test_without_time_it_is_made_as_small_as_it_must_be() -> None:
     asked = problem(arm(torque=60.0), safe=True)
     (candidate,) = too_fast(asked)

@@ -153,7 +153,7 @@ def test_the_genetic_algorithm_with_the_paper_limits(run: Run, tmp_path: Path) -
     assert run("check", file, "--limits", "paper")[0] == 0
 
 
-@pytest.mark.parametrize("family", [name for name in FAMILY_NAMES if name != "points"])
+@pytest.mark.parametrize("family", FAMILY_NAMES)
 def test_every_family_gives_a_feasible_design(run: Run, tmp_path: Path, family: str) -> None:
     file = tmp_path / "design.json"
     words = (*QUICK, "--starts", "1", "--trajectory", family)

@@ -8,7 +8,7 @@ dense, not proven; `proven` says which kinds are.
 """
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -120,7 +120,8 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
     Raises:
         InputError: A motion of another number of joints.
     """
-    times = dense_times(trajectory)
+    parts = dense_times(trajectory)
+    times = np.concatenate(parts)
     motion = trajectory.evaluate(times)
     if motion.q.shape[1] != constraints.robot.joints:
         raise InputError(
@@ -129,7 +130,7 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
     worst = dict(constraints.usage(motion.q, motion.dq, motion.ddq, times).worst)
     ends = extremes(trajectory)
     _between_samples(worst, constraints, ends)
-    _add_allowance(worst, constraints, motion.q, motion.dq, motion.ddq)
+    _add_allowance(worst, constraints, motion, [len(part) for part in parts])
     proven = ["position", "velocity", "acceleration"] if ends.proven else []
     first = max(64, math.ceil(trajectory.duration * _INTERVALS_HZ))
     between = _Between(trajectory, ends)
@@ -197,18 +198,26 @@ def _between_samples(
 
 
 def _add_allowance(
-    worst: dict[str, limits.Worst], constraints: MotionConstraints, q: Array, dq: Array, ddq: Array
+    worst: dict[str, limits.Worst],
+    constraints: MotionConstraints,
+    motion: JointMotion,
+    counts: Sequence[int],
 ) -> None:
-    """Torque and power between samples: their curvature, twice."""
+    """Torque and power between samples: their curvature, twice.
+
+    Parts of so many samples meet where the acceleration may jump: curvature is that within a part.
+    """
     judge = constraints.torque
     if judge is None:
         return
-    torque, power = judge.largest(q, dq, ddq)
+    torque, power = judge.largest(motion.q, motion.dq, motion.ddq)
+    edges = np.cumsum(counts)
     for kind, values, limit in (("torque", torque, judge.limits), ("power", power, judge.power)):
         item = worst[kind]
         if math.isfinite(item.margin):
             bow = np.zeros(values.shape)
             bow[1:-1] = np.abs(values[2:] - 2 * values[1:-1] + values[:-2]) / 4
+            bow[edges - 1], bow[edges[:-1]] = 0.0, 0.0
             least = limits.left_over(float(np.nanmax((values + bow) / limit)), item.required)
             worst[kind] = replace(item, margin=min(item.margin, least))
 

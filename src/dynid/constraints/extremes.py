@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from dynid.trajectory import (
     FourierSeries,
     MotionSequence,
     Piece,
+    PointToPoint,
     Repetition,
     Trajectory,
     peaks,
@@ -27,22 +29,30 @@ _STEPS, _WAVE_STEPS = 256, 128
 """Intervals of a polynomial, and of a harmonic, whose derivatives are bounded."""
 _DOUBT = 2.0
 """Jerk between samples over the largest jerk seen across one sample."""
+_BESIDE = 1e-6
+"""How far from a jump of the acceleration samples lie, over the time of the leg."""
 
 
-def dense_times(trajectory: Trajectory) -> Array:
+def dense_times(trajectory: Trajectory) -> list[Array]:
     """Times from 0 to the end at 1 kHz, and closer where a part is short or waves are.
 
-    Of a repetition the first period, which is all of it.
+    One array for each part in which the acceleration does not jump; what is known of both sides of
+    a jump is nearly at it. Of a repetition the first period, which is all of it.
     """
     leaves = list(_leaves(trajectory, 0.0))
     counts = [_samples(leaf) for _, leaf in leaves]
     more = max(1.0, _FEWEST / sum(counts))
-    return np.concatenate(
-        [
-            start + np.linspace(0.0, leaf.duration, int(np.ceil(more * count)) + 1)
-            for (start, leaf), count in zip(leaves, counts, strict=True)
-        ]
-    )
+    parts: list[Array] = []
+    for (start, leaf), count in zip(leaves, counts, strict=True):
+        ends, beside = np.array([0.0, leaf.duration]), 0.0
+        if isinstance(leaf, PointToPoint):
+            ends = np.cumsum([0.0, *(time for time, _ in leaf.polynomials())])
+            beside = _BESIDE * leaf.duration
+        for first, last in pairwise(start + ends):
+            share = (last - first) / leaf.duration
+            steps = int(np.ceil(more * count * share))
+            parts.append(np.linspace(first + beside, last - beside, steps + 1))
+    return parts
 
 
 def _samples(leaf: Trajectory) -> int:
@@ -122,7 +132,7 @@ def _of_piece(piece: Piece) -> Array:
 
 def _from_samples(trajectory: Trajectory) -> Extremes:
     """Of samples, with the jerk between them taken as twice what neighbouring ones show."""
-    times = dense_times(trajectory)
+    times = np.concatenate(dense_times(trajectory))
     motion = trajectory.evaluate(times)
     step = trajectory.duration / (len(times) - 1)
     jerk = _DOUBT * np.abs(np.diff(motion.ddq, axis=0)).max(axis=0) / step

@@ -200,9 +200,10 @@ class DesignEvaluation:
 
     @cached_property
     def _dense(self) -> MotionGrid:
-        duration = self.problem.family.duration
-        count = math.ceil(DENSE_RATE_HZ * duration)
-        return MotionGrid(self.problem, np.arange(count, dtype=np.float64) * (duration / count))
+        family = self.problem.family
+        count = math.ceil(DENSE_RATE_HZ * family.duration)
+        times = np.arange(count, dtype=np.float64) * (family.duration / count)
+        return MotionGrid(self.problem, np.sort(np.concatenate([times, family.corners])))
 
     def warm_up(self) -> None:
         """Load, and on the first use on a machine compile, every kernel that a search needs."""

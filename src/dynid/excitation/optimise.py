@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -66,7 +66,8 @@ def finish(
         seen.append(tried(candidate.x, ""))
         if seen[-1].certificate.holds:
             return seen[-1]
-    first = search.candidates[0][0]
+    # It holds at the samples of the search: any motion under tighter limits takes its place.
+    first = replace(search.candidates[0][0], violation=math.inf)
     again = partial(improve, evaluation, region, first, stop=stop, stages=STAGES[2:])
     for share in TIGHTER:
         if stop():

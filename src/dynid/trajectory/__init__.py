@@ -26,6 +26,7 @@ from dynid.trajectory.points import MotionSequence as MotionSequence
 from dynid.trajectory.points import PointsFamily as PointsFamily
 from dynid.trajectory.points import PointToPoint as PointToPoint
 from dynid.trajectory.points import Repetition as Repetition
+from dynid.trajectory.points import check_points as check_points
 from dynid.trajectory.points import points_text as points_text
 from dynid.trajectory.points import through_poses as through_poses
 from dynid.trajectory.quintic import BSpline as BSpline

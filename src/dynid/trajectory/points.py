@@ -176,6 +176,8 @@ _NAME = "dynid_points"
 _SAID = "untested on a controller; exact stop in every point"
 _END = 1e-9
 """Share of a leg that rounding may take off its ends."""
+_BESIDE = 1e-6
+"""Share of a leg between a jump of the acceleration and the times beside it."""
 
 
 def _trapezoid(u: Array) -> tuple[Array, Array, Array]:
@@ -228,12 +230,39 @@ class PointsFamily(PoseFamily):
 
     name: ClassVar[str] = "points"
 
+    @property
+    def corners(self) -> Array:
+        """See `MotionFamily`: where legs begin and end to cruise, torque and power are largest."""
+        leg = self.travel_time / (self.points + 1)
+        jumps = np.repeat([BLEND, 1.0 - BLEND], 2) + np.tile([-_BESIDE, _BESIDE], 2)
+        return leg * np.add.outer(np.arange(self.points + 1), jumps).ravel()
+
     def member(self, pose: Array, free: Array) -> Trajectory:
         """The points are the free numbers, relative to the pose."""
         leg = self.travel_time / (self.points + 1)
         legs = itertools.pairwise(np.vstack([pose, pose + free.T, pose]))
         return _chained(
             [PointToPoint(start=start, goal=goal, travel_time=leg) for start, goal in legs]
+        )
+
+
+def check_points(language: str, joints: int, limits: MotionBounds) -> None:
+    """Refuse a language that cannot hold motions of a robot.
+
+    Raises:
+        InputError: An unknown language, not six joints, or no limits of which KRL takes shares.
+    """
+    if language not in LANGUAGES:
+        raise InputError("unknown language", value=language, limit=", ".join(LANGUAGES))
+    if language != "waypoints" and joints != _AXES:
+        raise InputError("needs six joints", where=f"--{language}", value=joints, limit=_AXES)
+    known = np.isfinite(limits.velocity) & np.isfinite(limits.acceleration)
+    if language == "krl" and not known.all():
+        raise InputError(
+            "KRL takes shares of the velocity and acceleration limits, which are not known",
+            where="--krl",
+            value=f"joint {int(np.argmin(known)) + 1}",
+            next_step="Give [limits] velocity and acceleration in a robot file.",
         )
 
 
@@ -252,17 +281,14 @@ def points_text(
         comment: One line for the head of a program.
 
     Raises:
-        InputError: Another kind of motion, an unknown language, or not six joints where the
-            language wants them.
+        InputError: Another kind of motion, an unknown language, or not six joints or no limits
+            where the language wants them.
     """
+    check_points(language, trajectory.joints, limits)
     parts = trajectory.parts if isinstance(trajectory, MotionSequence) else (trajectory,)
     legs = [part for part in parts if isinstance(part, PointToPoint)]
     if len(legs) < len(parts):
         raise InputError("not a motion through points", next_step="Design with --trajectory points")
-    if language not in LANGUAGES:
-        raise InputError("unknown language", value=language, limit=", ".join(LANGUAGES))
-    if language != "waypoints" and trajectory.joints != _AXES:
-        raise InputError(f"{language} needs six joints", value=trajectory.joints, limit=_AXES)
     said = f"{_SAID}; {comment}" if comment else _SAID
     if language == "krl":
         lines = _krl(legs, said, limits)
@@ -324,6 +350,5 @@ def _list(pose: Array, unit: float) -> str:
 
 
 def _percent(share: Array) -> list[int]:
-    """Whole per cent, 1 to 100, rounded up: never slower than the leg; 100 without a limit."""
-    known = np.where(np.isfinite(share), share, 1.0)
-    return [int(value) for value in np.clip(np.ceil(100.0 * known - 1e-9), 1, 100)]
+    """Whole per cent, rounded down: not faster than what was certified, but for the least, 1."""
+    return [int(value) for value in np.clip(np.floor(100.0 * share + 1e-9), 1, 100)]

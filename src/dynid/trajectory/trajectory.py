@@ -112,6 +112,11 @@ class MotionFamily(ABC):
     def free_count(self) -> int:
         """Free numbers k of each joint."""
 
+    @property
+    def corners(self) -> Array:
+        """(N) times on either side of jumps of the acceleration [s]; most families have none."""
+        return np.empty(0)
+
     @abstractmethod
     def member(self, pose: Array, free: Array) -> Trajectory:
         """The member with a pose (n) and free numbers (n, k), both checked; see `trajectory`."""

@@ -33,6 +33,7 @@ from dynid.trajectory import (
     JointMotion,
     StoredTrajectory,
     Trajectory,
+    check_points,
     csv_text,
     joint_trajectory_yaml,
     points_text,
@@ -395,7 +396,8 @@ def check_export(kind: str, robot: RobotLike, trajectory: str) -> None:
         trajectory: The word of its kind of motion.
 
     Raises:
-        InputError: Another kind of motion, or number of joints, than the format has.
+        InputError: Another kind of motion or number of joints than the format has, or no limits
+            that it needs.
     """
     if kind in LANGUAGES and trajectory != "points":
         raise InputError(
@@ -404,9 +406,11 @@ def check_export(kind: str, robot: RobotLike, trajectory: str) -> None:
             value=trajectory,
             next_step="Design with --trajectory points.",
         )
-    joints = load_robot(robot).joints
-    if kind not in ("csv", "ros", "waypoints") and joints != 6:
-        raise InputError("needs six joints", where=f"--{kind}", value=joints, limit=6)
+    model = load_robot(robot)
+    if kind in LANGUAGES:
+        check_points(kind, model.joints, model.limits.motion)
+    elif kind == "urscript" and model.joints != 6:
+        raise InputError("needs six joints", where=f"--{kind}", value=model.joints, limit=6)
 
 
 def export_motion(design: ExcitationDesign, kind: str, path: str | Path) -> None:
