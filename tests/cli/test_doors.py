@@ -65,7 +65,7 @@ def test_a_recording_as_json_is_still_read(run: Run, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("noise", "part"),
-    [("1,2", "needs a number a joint"), ("0,0,0,0,0,0", "must be positive"), ("1,b", "--noise")],
+    [("1,2", "needs a number a joint"), ("0,0,0,0,0,0", "1e-06 to 1e+06"), ("1,b", "--noise")],
 )
 def test_noise_is_looked_at_before_the_search(
     run: Run, tmp_path: Path, noise: str, part: str

@@ -103,7 +103,7 @@ def test_programs_read_back_are_the_motion() -> None:
     assert (shares * limits.velocity <= np.maximum(speed, one) + 1e-9).all()
     assert (shares * limits.velocity >= speed - one).all()
     unknown = replace(limits, acceleration=np.full(6, np.nan))
-    with pytest.raises(InputError, match=r"--krl: KRL takes shares .*joint 1.*Give \[limits\]"):
+    with pytest.raises(InputError, match=r"krl: KRL takes shares .*joint 1.*Give \[limits\]"):
         points_text(motion, "krl", unknown)
 
     rapid = points_text(motion, "rapid", limits)

@@ -301,6 +301,8 @@ SCENES: dict[str, Any] = {
         (("--start", "0,1.3,2.5", "--trajectory", "bspline"), "start pose|collision"),
         (("--noise", "1,1"), "noise"),
         (("--noise", "1,0,1"), "noise"),
+        (("--noise", "1e200,1e200,1e200"), "--noise: out of bounds"),
+        (("--noise", "1e-200,1,1"), "--noise: out of bounds"),
         (("--terms", "magic"), "--terms"),
         (("--frames", "polar"), "--frames"),
         (("--mount", "moon"), "mounting"),

@@ -105,6 +105,7 @@ NOTICED: dict[str, tuple[Callable[[Document], None], str]] = {
     "the condition number": (put(D, "condition_number", value=1.0), "statements"),
     "the seed": (put("provenance", "seed", value=99), "statements"),
     "a key of one's own": (put("approved_by", value="somebody"), "statements"),
+    "a key among the limits": (put(*L, "approved_by", value="somebody"), "statements"),
     "the digest of the motion": (put(*G, "motion", value="0" * 64), "motion"),
     "the digest of them all": (put(*G, "sha256", value="0" * 64), "digest"),
     "a digest too few": (drop(*G, "scene"), "scene"),
@@ -215,6 +216,28 @@ def test_hostile_numbers_are_one_line(
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("edit", "said"),
+    [
+        (put(D, "repetitions", value="three"), "design.repetitions must be a whole number"),
+        (put(D, "repetitions", value=-2), "must be positive"),
+        (put(D, "predicted_torque_error_percent", value=0.0), "must be positive"),
+        (put(*L, "mesh_dirs", value=5), "mesh_dirs must be a list of folders"),
+        (put(*L, "margin_percent", value="five"), "design.limits.margin_percent must be a number"),
+        (put(*L, "tool", value=[0, 0]), "needs 3 numbers"),
+        (put(*L, "payload", 0, value=1e9), "the payload's mass"),
+        (put(D, "digest", value="abc"), "design.digest must be a JSON object"),
+    ],
+)
+def test_a_value_that_makes_no_sense_is_refused_with_the_file(
+    made: tuple[Path, str], edit: Callable[[Document], None], said: str, tmp_path: Path
+) -> None:
+    path = written(made, edit, tmp_path)
+    with pytest.raises(InputError, match=said) as caught:
+        read_design(path)
+    assert str(path) in str(caught.value)
+
+
 ARM = """<robot name="arm"><link name="base"/><link name="one">
 <inertial><mass value="2"/><origin xyz="0 0 0.2"/>
 <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
@@ -250,3 +273,29 @@ def test_a_design_remembers_where_meshes_are(tmp_path: Path) -> None:
     assert (len(stored.robot.bodies), stored.changed) == (0, ("robot",))
     there = [str(tmp_path / "elsewhere")]
     assert check(tmp_path / "design.json", mesh_dirs=there).design.digest == "matches"
+
+
+@pytest.mark.parametrize(
+    ("poses", "said"),
+    [
+        ([[0.0] * 6], "a motion needs two poses"),
+        ([[0.0] * 3, [1.0] * 3], "wrong shape"),
+        ([[0.0] * 6, [9.0] * 6], "outside the position limits"),
+    ],
+)
+def test_poses_of_a_task_that_make_no_sense_are_refused_with_the_file(
+    poses: list[list[float]], said: str, tmp_path: Path
+) -> None:
+    task = tmp_path / "task.json"
+    task.write_text(json.dumps({"poses": poses}))
+    with pytest.raises(InputError, match=said) as caught:
+        design("ur5", DesignSettings(motions=(str(task),), collision=False))
+    assert str(task) in str(caught.value)
+
+
+def test_a_task_of_another_robot_is_refused(made: tuple[Path, str], tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(ARM.replace("package://arm/meshes/part.stl", "part.stl"))
+    (tmp_path / "part.stl").write_text(STL)
+    task = DesignSettings(motions=(str(made[0] / "design.json"),), collision=False)
+    with pytest.raises(InputError, match=r"design\.json: the motion is one of another robot"):
+        design(tmp_path / "arm.urdf", task)

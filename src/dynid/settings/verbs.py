@@ -1,7 +1,7 @@
 """The settings of the verbs."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import partial
 from pathlib import Path
@@ -210,7 +210,12 @@ class DesignSettings(LimitSettings):
     )
     """[rad or m]"""
     noise: tuple[float, ...] | None = option(
-        None, "S1,..,SN", "Torque noise of each joint, to weight them [N.m].", parse=numbers
+        None,
+        "S1,..,SN",
+        "Torque noise of each joint, to weight them [N.m].",
+        parse=numbers,
+        least=1e-6,
+        most=1e6,
     )
     """Standard deviations, by which the rows of each joint are divided [N.m or N]."""
     previous: tuple[str | Path, ...] = option(
@@ -234,9 +239,8 @@ class DesignSettings(LimitSettings):
                 value=self.order,
                 limit=f"{least} to {MOST_HARMONICS}",
             )
-        positive = {"--noise": self.noise or (), "--jobs": self.jobs, "rate_hz": self.rate_hz}
-        for name, value in positive.items():
-            if not all(one > 0 for one in (value if isinstance(value, Iterable) else (value,))):
+        for name, value in {"--jobs": self.jobs, "rate_hz": self.rate_hz}.items():
+            if not value > 0:
                 raise InputError("must be positive", where=name, value=value, limit="above 0")
 
     @property

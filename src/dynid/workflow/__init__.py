@@ -12,15 +12,15 @@ from dynid.workflow.demo import run_demo as run_demo
 from dynid.workflow.design_files import Check as Check
 from dynid.workflow.design_files import StoredDesign as StoredDesign
 from dynid.workflow.design_files import check as check
-from dynid.workflow.design_files import check_export as check_export
-from dynid.workflow.design_files import export_motion as export_motion
 from dynid.workflow.design_files import judge_of as judge_of
 from dynid.workflow.design_files import read_design as read_design
 from dynid.workflow.design_files import write_design as write_design
 from dynid.workflow.design_limits import DesignLimits as DesignLimits
 from dynid.workflow.design_limits import given_limits as given_limits
 from dynid.workflow.designing import DEFAULT_STARTS as DEFAULT_STARTS
+from dynid.workflow.designing import check_export as check_export
 from dynid.workflow.designing import design as design
+from dynid.workflow.designing import export_motion as export_motion
 from dynid.workflow.files import LogFit as LogFit
 from dynid.workflow.files import fit as fit
 from dynid.workflow.files import identify_files as identify_files

@@ -1,6 +1,6 @@
 """Designs as files: a trajectory file with one more object, `design`.
 
-They are checked (`dynid check`), and written in the formats of others: CSV, URScript, ROS.
+They are checked (`dynid check`), and are the motions that a model is for.
 """
 
 import math
@@ -22,28 +22,22 @@ from dynid.core import (
     file_hash,
     load_object,
     provenance,
-    write_text,
 )
 from dynid.excitation import ExcitationDesign
 from dynid.robot import RobotLike, RobotModel, Tool, load_robot, robot_to_json
 from dynid.settings import LimitSettings, SceneSettings
 from dynid.signals import process
 from dynid.trajectory import (
-    LANGUAGES,
     JointMotion,
     StoredTrajectory,
     Trajectory,
-    check_points,
-    csv_text,
-    joint_trajectory_yaml,
-    points_text,
     read_trajectory,
     through_poses,
     trajectory_to_json,
-    ur_program,
     write_trajectory,
 )
 from dynid.workflow.design_limits import DesignLimits, given_limits, limits_from_json
+from dynid.workflow.identify import PROMISED
 from dynid.workflow.recordings import robot_reference
 
 POSE_ACCELERATION = 5.0
@@ -73,11 +67,12 @@ def _digest_of(
     `facts` is the object `design` of the file, `robot` the robot's `robot_hash`.
     """
     held = limits.to_json()
+    unknown = {name: x for name, x in facts["limits"].items() if name not in held}
     around = {name: held.pop(name) for name in ("scene", "scene_file", "floor")}
     # What was found there is part of the robot.
     del held["mesh_dirs"]
     rest = {name: value for name, value in facts.items() if name not in ("limits", "digest")}
-    more = {name: value for name, value in stored.extra.items() if name != "design"}
+    more = {name: value for name, value in stored.extra.items() if name != "design"} | unknown
     bounds = {name: value.tolist() for name, value in asdict(stored.limits).items()}
     parts = {
         "motion": content_hash(trajectory_to_json(stored.trajectory)),
@@ -105,6 +100,8 @@ class StoredDesign:
     """What it was designed for; None for a plain trajectory."""
     sha256: str
     """Of the file."""
+    expected_percent: float | None = None
+    """Torque error that one period is expected to leave [%]; None where the file has none."""
     changed: tuple[str, ...] = ()
     """What is not as it was when the motion was certified: keys of the digest."""
 
@@ -229,9 +226,12 @@ def read_design(
     """
     stored = read_trajectory(path)
     facts: dict[str, Any] = {}
-    if stored.extra.get("design"):
-        facts = dict(JsonFields(stored.extra).object("design").values)
-    limits = limits_from_json(JsonFields(facts, "design.").object("limits")) if facts else None
+    limits, expected = None, None
+    with _in_file(path):
+        if stored.extra.get("design"):
+            facts = dict(JsonFields(stored.extra).object("design").values)
+            limits = limits_from_json(JsonFields(facts, "design.").object("limits"))
+            expected = _expected_percent(facts)
     if mesh_dirs is None:
         mesh_dirs = () if limits is None else limits.mesh_dirs
     try:
@@ -244,20 +244,54 @@ def read_design(
         step = f"{error.next_step} Or pass --robot." if error.next_step else "Pass --robot."
         what = f"the robot of the design: {error.what}"
         raise error.changed(what=what, where=str(path), next_step=step) from error
-    if model.joints != stored.trajectory.joints:
-        raise InputError(
-            "the motion is one of another robot",
-            where=str(path),
-            value=f"{stored.trajectory.joints} joints",
-            limit=f"{model.joints} of {model.name}",
-        )
+    _check_joints(stored.trajectory, model, path)
     found = StoredDesign(
-        stored=stored, robot=model, facts=facts, limits=limits, sha256=file_hash(Path(path))
+        stored=stored,
+        robot=model,
+        facts=facts,
+        limits=limits,
+        sha256=file_hash(Path(path)),
+        expected_percent=expected,
     )
     if limits is None:
         return found
-    model = limits.equipped(model)
-    return replace(found, robot=model, changed=_changed(stored, facts, limits, model))
+    with _in_file(path):
+        model = limits.equipped(model)
+        return replace(found, robot=model, changed=_changed(stored, facts, limits, model))
+
+
+def _check_joints(trajectory: Trajectory, robot: RobotModel, path: str | Path) -> None:
+    if robot.joints != trajectory.joints:
+        raise InputError(
+            "the motion is one of another robot",
+            where=str(path),
+            value=f"{trajectory.joints} joints",
+            limit=f"{robot.joints} of {robot.name}",
+        )
+
+
+def _expected_percent(facts: dict[str, Any]) -> float | None:
+    """Of one period: noise averages out with the root of their number."""
+    fields = JsonFields(facts, "design.")
+    if facts.get(PROMISED) is None:
+        return None
+    percent = fields.number(PROMISED)
+    periods = fields.whole("repetitions") if "repetitions" in facts else 1
+    if not (percent > 0 and periods > 0):
+        raise InputError(
+            f"design.{PROMISED} and design.repetitions must be positive", value=(percent, periods)
+        )
+    return percent * math.sqrt(periods)
+
+
+@contextmanager
+def _in_file(path: str | Path) -> Generator[None]:
+    """Errors of a design's values name its file."""
+    try:
+        yield
+    except InputError as error:
+        where = f"{path}, {error.where}" if error.where else str(path)
+        raise error.changed(where=where) from error
 
 
 @contextmanager
@@ -384,65 +418,6 @@ def check(
     return Check(design=stored, limits=held, certificate=found)
 
 
-KINDS = ("csv", "urscript", "ros", *LANGUAGES)
-
-
-def check_export(kind: str, robot: RobotLike, trajectory: str) -> None:
-    """Refuse a format that cannot hold a motion before that is searched for.
-
-    Args:
-        kind: One of `KINDS`.
-        robot: The robot that is to move.
-        trajectory: The word of its kind of motion.
-
-    Raises:
-        InputError: Another kind of motion or number of joints than the format has, or no limits
-            that it needs.
-    """
-    if kind in LANGUAGES and trajectory != "points":
-        raise InputError(
-            "holds motions through points alone",
-            where=f"--{kind}",
-            value=trajectory,
-            next_step="Design with --trajectory points.",
-        )
-    model = load_robot(robot)
-    if kind in LANGUAGES:
-        check_points(kind, model.joints, model.limits.motion)
-    elif kind == "urscript" and model.joints != 6:
-        raise InputError("needs six joints", where=f"--{kind}", value=model.joints, limit=6)
-
-
-def export_motion(design: ExcitationDesign, kind: str, path: str | Path) -> None:
-    """Write one period of a design in another format, one of `KINDS`, whole or not at all.
-
-    Formats with comments have the verdict of the certificate in their head.
-
-    Raises:
-        InputError: An unknown kind, a motion that the format cannot hold, or a place where no
-            such file can be.
-        JobError: The disk does not take the file.
-    """
-    robot, certificate = load_robot(design.robot), design.certificate
-    missing = [kind for kind, worst in certificate.worst.items() if math.isnan(worst.margin)]
-    said = f"dynid: {certificate.headline}; "
-    said += f"not judged: {', '.join([*missing, 'the way to the start'])}"
-    match kind:
-        case "csv":
-            units = ["m" if slides else "rad" for slides in robot.prismatic]
-            text = csv_text(design.trajectory, units=units)
-        case "ros":
-            text = f"# {said}\n" + joint_trajectory_yaml(design.trajectory, robot.joint_names)
-        case "urscript":
-            comment = f"design for {robot.name}\n{said}"
-            text = ur_program(design.trajectory, comment=comment, fed=False)
-        case _ if kind in LANGUAGES:
-            text = points_text(design.trajectory, kind, design.limits, comment=said)
-        case _:
-            raise InputError("unknown format", value=kind, limit=", ".join(KINDS))
-    write_text(Path(path), text)
-
-
 def motions_from(paths: Sequence[str | Path], robot: RobotModel) -> list[JointMotion]:
     """The motions of designs or other trajectory files, of recordings, and of lists of poses.
 
@@ -458,11 +433,13 @@ def motions_from(paths: Sequence[str | Path], robot: RobotModel) -> list[JointMo
             motions.append(JointMotion(t=samples.t, q=samples.q, dq=samples.dq, ddq=samples.ddq))
             continue
         fields = load_object(path)
-        if "poses" in fields.values:
-            poses = fields.matrix("poses")
-            trajectory = through_poses(poses, robot.limits, acceleration=POSE_ACCELERATION)
-        else:
-            trajectory = read_trajectory(path).trajectory
+        with _in_file(path):
+            if "poses" in fields.values:
+                poses = fields.matrix("poses")
+                trajectory = through_poses(poses, robot.limits, acceleration=POSE_ACCELERATION)
+            else:
+                trajectory = read_trajectory(path).trajectory
+        _check_joints(trajectory, robot, path)
         times = np.arange(0.0, trajectory.duration, 1 / POSE_RATE_HZ)
         motions.append(trajectory.evaluate(times))
     return motions

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
-from typing import Any
+from typing import Any, cast
 
 from dynid.constraints import (
     CLEARANCE,
@@ -148,5 +148,8 @@ def limits_from_json(fields: JsonFields) -> DesignLimits:
         found[name] = fields.number(name)
     for name in {"tool", "payload"} & set(values):
         found[name] = tuple(fields.vector(name).tolist())
-    folders = tuple(map(str, values.get("mesh_dirs", ())))
+    folders = values.get("mesh_dirs", [])
+    if not isinstance(folders, list):
+        raise InputError("mesh_dirs must be a list of folders", value=folders)
+    folders = tuple(map(str, cast("list[object]", folders)))
     return DesignLimits(**found, scene_file=str(values.get("scene_file", "")), mesh_dirs=folders)

@@ -1,4 +1,7 @@
-"""`dynid design`: from a robot and a purpose to a certified excitation trajectory in a file."""
+"""`dynid design`: from a robot and a purpose to a certified excitation trajectory in a file.
+
+It is also written in the formats of others: CSV, URScript, ROS, programs of points.
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -17,13 +20,22 @@ from dynid.core import (
     file_hash,
     provenance,
     workers,
+    write_text,
 )
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
 from dynid.robot import RobotLike, RobotModel, load_robot
 from dynid.settings import LONGEST_S, DesignSettings
 from dynid.signals import process
-from dynid.trajectory import motion_family
+from dynid.trajectory import (
+    LANGUAGES,
+    check_points,
+    csv_text,
+    joint_trajectory_yaml,
+    motion_family,
+    points_text,
+    ur_program,
+)
 from dynid.workflow.design_files import ROBOT, motions_from, robot_hash, write_design
 from dynid.workflow.design_limits import given_limits
 from dynid.workflow.recordings import robot_reference
@@ -342,3 +354,62 @@ def _each(values: Sequence[float], joints: int, where: str) -> Array:
     if len(values) != joints:
         raise InputError("needs a number a joint", where=where, value=len(values), limit=joints)
     return np.array(values)
+
+
+KINDS = ("csv", "urscript", "ros", *LANGUAGES)
+
+
+def check_export(kind: str, robot: RobotLike, trajectory: str) -> None:
+    """Refuse a format that cannot hold a motion before that is searched for.
+
+    Args:
+        kind: One of `KINDS`.
+        robot: The robot that is to move.
+        trajectory: The word of its kind of motion.
+
+    Raises:
+        InputError: Another kind of motion or number of joints than the format has, or no limits
+            that it needs.
+    """
+    if kind in LANGUAGES and trajectory != "points":
+        raise InputError(
+            "holds motions through points alone",
+            where=f"--{kind}",
+            value=trajectory,
+            next_step="Design with --trajectory points.",
+        )
+    model = load_robot(robot)
+    if kind in LANGUAGES:
+        check_points(kind, model.joints, model.limits.motion)
+    elif kind == "urscript" and model.joints != 6:
+        raise InputError("needs six joints", where=f"--{kind}", value=model.joints, limit=6)
+
+
+def export_motion(design: excitation.ExcitationDesign, kind: str, path: str | Path) -> None:
+    """Write one period of a design in another format, one of `KINDS`, whole or not at all.
+
+    Formats with comments have the verdict of the certificate in their head.
+
+    Raises:
+        InputError: An unknown kind, a motion that the format cannot hold, or a place where no
+            such file can be.
+        JobError: The disk does not take the file.
+    """
+    robot, certificate = load_robot(design.robot), design.certificate
+    missing = [kind for kind, worst in certificate.worst.items() if math.isnan(worst.margin)]
+    said = f"dynid: {certificate.headline}; "
+    said += f"not judged: {', '.join([*missing, 'the way to the start'])}"
+    match kind:
+        case "csv":
+            units = ["m" if slides else "rad" for slides in robot.prismatic]
+            text = csv_text(design.trajectory, units=units)
+        case "ros":
+            text = f"# {said}\n" + joint_trajectory_yaml(design.trajectory, robot.joint_names)
+        case "urscript":
+            comment = f"design for {robot.name}\n{said}"
+            text = ur_program(design.trajectory, comment=comment, fed=False)
+        case _ if kind in LANGUAGES:
+            text = points_text(design.trajectory, kind, design.limits, comment=said)
+        case _:
+            raise InputError("unknown format", value=kind, limit=", ".join(KINDS))
+    write_text(Path(path), text)

@@ -367,11 +367,9 @@ def _execute(
     progress: Progress | None,
 ) -> Run:
     opened: list[RecordWriter] = []
-    # What the design promises for as many periods as it has.
-    promised, promise = loaded.facts.get(PROMISED), dict[str, str]()
-    if isinstance(promised, float):
-        share = math.sqrt(loaded.facts.get("repetitions", 1) / plan.periods)
-        promise[PROMISED] = repr(promised * share)
+    promise: dict[str, str] = {}
+    if loaded.expected_percent is not None:
+        promise[PROMISED] = repr(loaded.expected_percent / math.sqrt(plan.periods))
 
     def open_recorder() -> RecordWriter:
         source = driver.source
