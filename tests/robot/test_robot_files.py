@@ -194,6 +194,8 @@ BROKEN = {
     "mount both": (DH + '[mount]\nkind="floor"\ngravity=[0,0,1]', "either kind or gravity"),
     "gravity": (DH + "[mount]\ngravity = [0, 0, 981]", "gravity is too strong"),
     "limits": (DH + "[limits]\nlower=[1,1]\nupper=[0,2]", "limits: joint 1: lower position"),
+    "limit too small": (DH + "[limits]\nacceleration=[1e-200,1]", "acceleration limits .* 1e-09"),
+    "safety limit too small": (DH + "[safety]\npower=1e-200", "safety limit power .* 1e-09"),
     "limit sign": (DH + "[limits]\ntorque=[1,-1]", "torque limits must be positive"),
     "gain zero": (DH + "[drives]\ngain=[1,0]", "drives gain must be finite and not zero"),
     "singular": (DH + "[drives]\ncoupling=[[1,1],[1,1]]", "cannot be inverted"),

@@ -19,6 +19,7 @@ BAD_USAGE = {
     "--expose": ["--host", "0.0.0.0"],
     "no IPv4 address": ["--host", "nowhere"],
     "125 Hz": ["--rate", "250"],
+    "this software has this control rate": ["--rate", "125", "--software", "5.12.0"],
     "no software version": ["--software", "new"],
     "thermal state": ["--thermal", "lukewarm"],
     "built-in robot": ["--robot", "r2d2"],
@@ -41,6 +42,19 @@ def test_bad_usage_is_told_in_one_line_each():
     lines = done.stderr.strip().splitlines()
     for message, line in zip(BAD_USAGE, lines, strict=True):
         assert message in line
+
+
+@pytest.mark.parametrize(
+    ("robot", "software", "rate"), [("ur5", "5.12", 500.0), ("ur5e", "3.15", 125.0)]
+)
+def test_the_rate_is_that_of_the_software_by_which_clients_choose_theirs(robot, software, rate):
+    with controller_process(robot, software=software, virtual_time=True) as controller:
+        assert controller.rate_hz == rate
+        with RtdeClient(controller.host) as client:
+            client.read_outputs(["timestamp"], rate)
+            client.start()
+            times = client.rows(3)["timestamp"]
+    np.testing.assert_allclose(np.diff(times), 1 / rate, atol=1e-9)
 
 
 def test_ready_line_truth_and_report(tmp_path):

@@ -195,7 +195,7 @@ def check_command(
 @ask.command(
     "dynid run design.json --on sim -o run.parquet",
     "dynid run design.json --on sim -o warm.parquet --thermal warm --seed 1",
-    "dynid run design.json --on sim -o run.parquet --until 2",
+    "dynid run design.json --on sim -o run.parquet --until 3",
     "dynid run design.json --on ur://192.168.0.10 -o run.parquet --slow 0.2",
 )
 def run_command(

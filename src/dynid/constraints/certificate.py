@@ -20,13 +20,15 @@ from dynid.constraints.collision import CollisionBodies, JudgedPairs
 from dynid.constraints.extremes import Extremes, dense_times, extremes, least_value
 from dynid.constraints.motion import MotionConstraints
 from dynid.core import Array, InputError, plain
-from dynid.trajectory import JointMotion, Trajectory
+from dynid.trajectory import JointMotion, Repetition, Trajectory
 
 ROUNDING = 1e-9
 """A limit that is met exactly may be missed by rounding."""
 _DISTANCE_WITHIN = 1e-4
 _RATIO_WITHIN = 2e-3
 _INTERVALS_HZ = 50.0
+_FEWEST, _MOST = 64, 30_000
+"""Intervals with which a search begins: those of ten minutes; what is open then is halved."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,6 +122,8 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
     Raises:
         InputError: A motion of another number of joints.
     """
+    while isinstance(trajectory, Repetition):
+        trajectory = trajectory.part
     parts = dense_times(trajectory)
     times = np.concatenate(parts)
     motion = trajectory.evaluate(times)
@@ -132,7 +136,7 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
     _between_samples(worst, constraints, ends)
     _add_allowance(worst, constraints, motion, [len(part) for part in parts])
     proven = ["position", "velocity", "acceleration"] if ends.proven else []
-    first = max(64, math.ceil(trajectory.duration * _INTERVALS_HZ))
+    first = min(max(_FEWEST, math.ceil(trajectory.duration * _INTERVALS_HZ)), _MOST)
     between = _Between(trajectory, ends)
     least = partial(least_value, duration=trajectory.duration, first=first, threshold=0.0)
     for kind, (points, limit) in constraints.points.items():

@@ -48,7 +48,8 @@ def dense_times(trajectory: Trajectory) -> list[Array]:
         if isinstance(leaf, PointToPoint):
             ends = np.cumsum([0.0, *(time for time, _ in leaf.polynomials())])
             beside = _BESIDE * leaf.duration
-        for first, last in pairwise(start + ends):
+        edges: list[float] = (start + ends).tolist()
+        for first, last in pairwise(edges):
             share = (last - first) / leaf.duration
             steps = int(np.ceil(more * count * share))
             parts.append(np.linspace(first + beside, last - beside, steps + 1))

@@ -42,6 +42,7 @@ from dynid.core.findings import silent as silent
 from dynid.core.findings import told as told
 
 if TYPE_CHECKING:
+    from dynid.core.arrays import SMALLEST as SMALLEST
     from dynid.core.arrays import Array as Array
     from dynid.core.arrays import Indices as Indices
     from dynid.core.arrays import Mask as Mask
@@ -69,8 +70,8 @@ if TYPE_CHECKING:
 
 _LATER = {
     "arrays": (
-        "Array Indices Mask MotionBounds freeze frozen inverse_upper read_arrays read_only "
-        "scipy_part solve_upper upper_triangle write_arrays"
+        "Array Indices Mask MotionBounds SMALLEST freeze frozen inverse_upper read_arrays "
+        "read_only scipy_part solve_upper upper_triangle write_arrays"
     ),
     "json_fields": "JsonFields load_object parse_json plain provenance_from_json",
     "parallel": "WorkerLost Workers each result_of told_to_stop workers",

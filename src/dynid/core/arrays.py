@@ -129,6 +129,10 @@ def read_arrays(path: Path) -> dict[str, Any]:
         return {}
 
 
+SMALLEST = 1e-9
+"""Of limits of speed and acceleration: with less, squares of what is used overflow."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionBounds:
     """Bounds of position, velocity and acceleration, one number a joint.
@@ -152,8 +156,12 @@ class MotionBounds:
         freeze(self, "limit", finite=False, **dict.fromkeys(names, (np.size(self.lower),)))
         for name in names[2:]:
             value = getattr(self, name)
-            if (value <= 0).any():
-                raise InputError(f"the {name} limits must be positive", value=value.tolist())
+            if (value < SMALLEST).any():
+                raise InputError(
+                    f"the {name} limits must be positive",
+                    value=value.tolist(),
+                    limit=f"{SMALLEST:g} or more",
+                )
         if (self.lower > self.upper).any():
             joint = int(np.argmax(self.lower > self.upper))
             raise InputError(

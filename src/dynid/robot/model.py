@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, Mask, MotionBounds, RobotError, freeze, frozen
+from dynid.core import SMALLEST, Array, Mask, MotionBounds, RobotError, freeze, frozen
 from dynid.robot.body import Body
 
 
@@ -99,8 +99,12 @@ class SafetyLimits:
     def __post_init__(self) -> None:
         for name in ("tcp_speed", "elbow_speed", "momentum", "power", "payload"):
             value = getattr(self, name)
-            if value <= 0 or math.isinf(value):
-                raise RobotError(f"the safety limit {name} must be positive", value=value)
+            if value < SMALLEST or math.isinf(value):
+                raise RobotError(
+                    f"the safety limit {name} must be positive",
+                    value=value,
+                    limit=f"{SMALLEST:g} or more",
+                )
         if self.elbow < 0:
             raise RobotError("the elbow is a joint, counted from 1", value=self.elbow)
 

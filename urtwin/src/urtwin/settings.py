@@ -29,6 +29,8 @@ PORTS = {
 READ_ONLY = {30011: PRIMARY, 30012: SECONDARY, 30013: REALTIME}
 """Ports that send what another does, and do not listen."""
 CB_HZ, E_SERIES_HZ = 125.0, 500.0
+E_SERIES = 5
+"""First major version of the e-Series' software: clients take their rate from it."""
 
 
 def option(told: str, metavar: str, **more: Any) -> Any:
@@ -64,9 +66,9 @@ class ControllerSettings:
     seed: Annotated[int, option("Seed of the random numbers.", "N", min=0)] = 0
     rate: Annotated[
         float | None,
-        option("125 (CB-Series) or 500 (e-Series). [default: by the robot's name]", "HZ"),
+        option("125 (CB-Series) or 500 (e-Series). [default: by --software or the name]", "HZ"),
     ] = None
-    """500 for robots whose name ends in `e`."""
+    """None: 500 for software of the e-Series, else for robots whose name ends in `e`."""
     software: Annotated[
         str | None, option("Version to announce, like 3.15.8 or 5.12.0.", "VERSION")
     ] = None
@@ -109,6 +111,13 @@ class ControllerSettings:
                 "no UR controller has this control rate",
                 value=f"{self.rate:g} Hz",
                 limit=f"{CB_HZ:g} Hz (CB-Series) or {E_SERIES_HZ:g} Hz (e-Series)",
+            )
+        if version and self.rate and (version[0] >= E_SERIES) != (self.rate == E_SERIES_HZ):
+            raise InputError(
+                "no UR controller with this software has this control rate",
+                where="--rate",
+                value=f"{self.rate:g} Hz, software {self.software}",
+                next_step="Leave out one of the two.",
             )
 
 

@@ -12,7 +12,7 @@ from dynid.simulation import SERIAL, simulated_arm
 from urtwin.machine import ControllerMachine
 from urtwin.server.clock import keep_time
 from urtwin.server.loop import ControllerServer, Log
-from urtwin.settings import CB_HZ, E_SERIES_HZ, PORTS, ControllerSettings
+from urtwin.settings import CB_HZ, E_SERIES, E_SERIES_HZ, PORTS, ControllerSettings
 
 _CB, _E_SERIES = (3, 15, 8, 106339), (5, 12, 0, 1101319)
 
@@ -34,7 +34,10 @@ def serve(
     """
     log = Log(stream, "urtwin")
     robot = load_robot(settings.robot)
-    rate = settings.rate or (E_SERIES_HZ if robot.name.endswith("e") else CB_HZ)
+    e_series = robot.name.endswith("e")
+    if settings.version is not None:
+        e_series = settings.version[0] >= E_SERIES
+    rate = settings.rate or (E_SERIES_HZ if e_series else CB_HZ)
     version = _CB if rate == CB_HZ else _E_SERIES
     if settings.version is not None:
         version = (*settings.version, version[3])
