@@ -9,7 +9,7 @@ import dynid
 from dynid import settings
 from dynid.constraints import PRESETS
 from dynid.core import InputError, in_python
-from dynid.excitation import CRITERIA, METHODS
+from dynid.excitation import CRITERIA
 from dynid.identification import ESTIMATORS, PURPOSES
 from dynid.settings import options_of
 from dynid.trajectory import FAMILY_NAMES
@@ -19,12 +19,7 @@ def test_words_are_those_that_exist() -> None:
     for kind, known in (
         (
             dynid.DesignSettings,
-            {
-                "criterion": CRITERIA,
-                "method": METHODS,
-                "trajectory": FAMILY_NAMES,
-                "limits": PRESETS,
-            },
+            {"criterion": CRITERIA, "trajectory": FAMILY_NAMES, "limits": PRESETS},
         ),
         (dynid.IdentifySettings, {"estimator": ESTIMATORS, "purpose": PURPOSES}),
     ):

@@ -169,12 +169,7 @@ def test_a_start_without_time_brings_nothing() -> None:
     assert result.evaluations == 0
 
 
-def test_efforts_that_are_none_are_refused() -> None:
-    with pytest.raises(InputError, match="number of starts or a time budget"):
-        Effort()
-    for numbers in ({"starts": 0}, {"budget_s": -1.0}, {"budget_s": float("nan")}):
-        with pytest.raises(InputError, match="must be positive"):
-            Effort(**numbers)  # type: ignore[arg-type]
+def test_a_budget_for_no_motion_is_refused() -> None:
     with pytest.raises(InputError, match="budget is too short"):
         by_gradient(problem(), Effort(budget_s=1e-6), seed=0)
 

@@ -40,7 +40,8 @@ class Shape:
         freeze(self, "shape", pose=(4, 4), size=(3,))
         needed = (0, 3, 2, 1)[self.kind]
         if not all(math.isfinite(x) and x > 0 for x in self.size[:needed]):
-            raise InputError("sizes must be positive", where=self.name)
+            said = "sizes must be positive"
+            raise InputError(said, where=self.name, value=self.size[:needed].tolist())
         most = float(np.abs([*self.pose[:3, 3], *self.size]).max())
         if most > _FARTHEST:
             raise InputError(

@@ -9,7 +9,6 @@ from dynid.excitation.criteria import prior_scale as prior_scale
 from dynid.excitation.criteria import scaled_condition_number as scaled_condition_number
 from dynid.excitation.evaluation import DesignEvaluation as DesignEvaluation
 from dynid.excitation.evaluation import GramKernel as GramKernel
-from dynid.excitation.optimise import METHODS as METHODS
 from dynid.excitation.optimise import ExcitationDesign as ExcitationDesign
 from dynid.excitation.optimise import Optimised as Optimised
 from dynid.excitation.optimise import by_genetic_algorithm as by_genetic_algorithm

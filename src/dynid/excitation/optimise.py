@@ -245,7 +245,6 @@ class ExcitationDesign:
         return plain(known)
 
 
-METHODS = ("gradient", "ga")
 LEAST_MOTIONS = 40
 """A budget must let at least so many motions be looked at."""
 
@@ -284,17 +283,12 @@ def by_genetic_algorithm(
     budget_s: float | None = None,
     tell: SearchProgress | None = None,
 ) -> Optimised:
-    """Design by the paper's genetic algorithm; see `genetic`.
+    """Design by the paper's genetic algorithm; see `evolve`.
 
     Raises:
-        InputError: A population below 4, no generations, or a budget that is too short.
+        InputError: A budget that is too short.
         JobError: No motion was judged in time.
     """
-    for name, number, least in (("--population", population, 4), ("--generations", generations, 1)):
-        if number < least:
-            raise InputError("too small", where=name, value=number, limit=f"{least} or more")
-    if budget_s is not None and not budget_s > 0:
-        raise InputError("must be positive", where="--budget", value=budget_s, limit="seconds")
     evaluation, region = DesignEvaluation(problem), region_of(problem)
     evaluation.warm_up()
     search = Search(problem=problem)

@@ -90,10 +90,6 @@ def purpose_of(base: BaseParametrization, motions: Sequence[JointMotion], source
     moments, squares = np.zeros((n, base.rank, base.rank)), np.zeros(n)
     prior = prior_dynamics(robot)
     for motion in motions:
-        if motion.q.shape[1] != n:
-            raise InputError(
-                "a motion of another robot", where=source, value=motion.q.shape[1], limit=n
-            )
         stack = base.model.stack(motion.q, motion.dq, motion.ddq)[list(base.independent)]
         rows = stack.transpose(1, 0, 2)
         moments += rows @ rows.transpose(0, 2, 1) / (len(motion.q) * len(motions))

@@ -20,7 +20,7 @@ from uuid import uuid4
 import numpy as np
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core import Array, InputError, WorkerLost, Workers, result_of, told_to_stop
+from dynid.core import Array, WorkerLost, Workers, result_of, told_to_stop
 from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.gradient import one_start
 from dynid.excitation.problem import Candidate, ExcitationProblem, Search, SearchProgress, Stop
@@ -58,11 +58,7 @@ class StartResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effort:
-    """How long to search.
-
-    Raises:
-        InputError: Neither starts nor a budget, or numbers that are not positive.
-    """
+    """How long to search; starts or a budget, or both."""
 
     starts: int | None = None
     """How many starts; None for as many as fit into the time."""
@@ -70,13 +66,6 @@ class Effort:
     """Time [s]; None for no limit."""
     patience: int | None = None
     """Stop after so many starts without a better one; None to go on."""
-
-    def __post_init__(self) -> None:
-        if self.starts is None and self.budget_s is None:
-            raise InputError("a search needs a number of starts or a time budget")
-        for name, number in (("--starts", self.starts), ("--budget", self.budget_s)):
-            if number is not None and not number > 0:
-                raise InputError("must be positive", where=name, value=number)
 
 
 def multistart(
