@@ -106,16 +106,15 @@ def given_limits(asked: SceneSettings, base: DesignLimits | None = None) -> Desi
         InputError: A scene that cannot be read, or surroundings that would not be looked at.
     """
     preset, collision = "safe", True
+    around: dict[str, object] = {"--scene": asked.scene, "--floor": asked.floor}
     if isinstance(asked, LimitSettings):
         preset, collision = asked.limits, asked.collision
+        around["--clearance"] = asked.clearance
+        if preset == "paper":
+            _refuse_given({"--margin": asked.margin_percent}, "--limits safe")
     blind = preset == "paper" or not collision
-    for name, value in (("--scene", asked.scene), ("--floor", asked.floor)):
-        if blind and value is not None and value not in FLOORS:
-            raise InputError(
-                "it is looked at only with --limits safe and collisions on",
-                where=name,
-                value=str(value),
-            )
+    if blind:
+        _refuse_given(around, "--limits safe and collisions on")
     known = {item.name for item in fields(DesignLimits)} - {"scene"}
     given: dict[str, Any] = {
         item.name: getattr(asked, item.name)
@@ -127,6 +126,13 @@ def given_limits(asked: SceneSettings, base: DesignLimits | None = None) -> Desi
     elif blind:
         given |= {"scene": None, "scene_file": ""}
     return replace(base or DesignLimits(), **given | {"preset": preset, "collision": collision})
+
+
+def _refuse_given(values: Mapping[str, object], needed: str) -> None:
+    for name, value in values.items():
+        if value is not None and value not in FLOORS:
+            said = f"it is looked at only with {needed}"
+            raise InputError(said, where=name, value=str(value))
 
 
 def limits_from_json(fields: JsonFields) -> DesignLimits:

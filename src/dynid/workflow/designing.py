@@ -356,14 +356,11 @@ def _each(values: Sequence[float], joints: int, where: str) -> Array:
     return np.array(values)
 
 
-KINDS = ("csv", "urscript", "ros", *LANGUAGES)
-
-
 def check_export(kind: str, robot: RobotLike, trajectory: str) -> None:
     """Refuse a format that cannot hold a motion before that is searched for.
 
     Args:
-        kind: One of `KINDS`.
+        kind: `csv`, `urscript`, `ros` or a language of points.
         robot: The robot that is to move.
         trajectory: The word of its kind of motion.
 
@@ -386,7 +383,7 @@ def check_export(kind: str, robot: RobotLike, trajectory: str) -> None:
 
 
 def export_motion(design: excitation.ExcitationDesign, kind: str, path: str | Path) -> None:
-    """Write one period of a design in another format, one of `KINDS`, whole or not at all.
+    """Write one period of a design in another format, whole or not at all.
 
     Formats with comments have the verdict of the certificate in their head.
 
@@ -408,8 +405,6 @@ def export_motion(design: excitation.ExcitationDesign, kind: str, path: str | Pa
         case "urscript":
             comment = f"design for {robot.name}\n{said}"
             text = ur_program(design.trajectory, comment=comment, fed=False)
-        case _ if kind in LANGUAGES:
-            text = points_text(design.trajectory, kind, design.limits, comment=said)
         case _:
-            raise InputError("unknown format", value=kind, limit=", ".join(KINDS))
+            text = points_text(design.trajectory, kind, design.limits, comment=said)
     write_text(Path(path), text)
