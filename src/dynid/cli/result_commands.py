@@ -31,6 +31,12 @@ def export_command(
         ),
     ],
     output: Annotated[Path, ask.option("FILE", "Where the model goes.", "-o", "--output")],
+    urdf: Annotated[
+        Path | None,
+        ask.option(
+            "FILE", "Robot's own URDF, to copy with the identified inertias; default: where it was."
+        ),
+    ] = None,
     at: ask.TemperatureOption = None,
     force: ask.ForceFlag = False,
     json: ask.JsonFlag = False,
@@ -41,12 +47,13 @@ def export_command(
 
     show.check_output(output, [estimate], force=force)
     check_suffix(to, output)
-    result = write_model(open_estimate(estimate, at), output, to)
+    result = write_model(open_estimate(estimate, at), output, to, urdf=urdf)
     if json:
         show.print_json(result.to_json())
         return
     screen, verified = show.console(), result.verified
-    screen.print(f"{to} model written to {output}", soft_wrap=True)
+    copied = "" if result.source is None else f", a copy of {result.source}"
+    screen.print(f"{to} model written to {output}{copied}", soft_wrap=True)
     if verified.max_torque_difference is None:
         screen.print(f"Not verified: {verified.loaded_with}.")
     else:

@@ -313,7 +313,7 @@ def _from_urdf(top: TomlTable, path: Path) -> RobotModel:
     return robot_from_urdf(
         read_limited(file, MAX_URDF),
         where=shown_path(file),
-        stem=file.stem,
+        file=file,
         tip=tip,
         locked=locked,
     )
