@@ -194,6 +194,10 @@ def test_keys_do_what_buttons_do(visited: Visited) -> None:
     until(lambda: visit.app("app.playing"), visit)
     keyboard.press("Escape")
     assert visit.app("app.playing") is False
+    # A button that was pressed last takes the keys that press it, no others.
+    visit.page.locator("#play").focus()
+    keyboard.press("2")
+    assert visit.page.locator("#panel").get_attribute("aria-label") == "Run"
     visit.page.locator("#over").focus()
     turn = visit.app("app.view.camera.turn")
     keyboard.press("ArrowRight")
@@ -207,6 +211,22 @@ def test_keys_do_what_buttons_do(visited: Visited) -> None:
     )
     assert names == []
     visit.check()
+
+
+def test_nothing_fails_before_the_server_has_answered(
+    browser: Any, studio: tuple[Page, str]
+) -> None:
+    page = browser.new_page()
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.route("**/api/state*", lambda route: None)
+    with page.expect_request("**/api/state*"):
+        page.goto(studio[1])
+    page.locator("#primary").dispatch_event("click")
+    with page.expect_response("**/do/stop"):
+        page.keyboard.press("Escape")
+    assert errors == []
+    page.close()
 
 
 def test_names_from_files_are_text(visited: Visited, studio: tuple[Page, str]) -> None:
@@ -291,6 +311,9 @@ def test_a_run_beside_an_open_page_loses_no_sample_and_can_be_stopped(
     record = read_record(folder / "record.parquet")
     assert record.samples == 2 * CYCLES
     assert np.abs(np.diff(record.t) - 0.008).max() < 1e-6
+    # The legend is that of the curves also where another file has the same quantity.
+    legend = visit.page.locator("#legend span")
+    assert legend.all_inner_texts() == ["measured"]
     visit.primary("Continue to identify")
     assert visit.page.get_by_label("Recording").input_value() == "record.parquet"
     visit.step("Run")

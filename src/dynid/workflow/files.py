@@ -21,6 +21,7 @@ from dynid.recording import (
     local_files,
     open_any,
     open_record,
+    recording_name,
     write_record,
 )
 from dynid.robot import RobotLike, load_robot
@@ -234,7 +235,7 @@ def fit(
     others = [] if validation is None else [validation]
     for k, log in enumerate([*given, *others]):
         kind = "validation" if k >= len(given) else f"log{k + 1}" if len(given) > 1 else "log"
-        name = "" if isinstance(log, ExperimentRecord) else Path(log).stem
+        name = "" if isinstance(log, ExperimentRecord) else recording_name(log)
         tell(f"read {name or kind}", 0.1 * k / (len(given) + 1))
         record, source = known_gains(open_record(log, model, gains), model)
         records.append(record)

@@ -196,7 +196,7 @@ def _missing(recordings: Sequence[FleetRecording]) -> list[Finding]:
             kind,
             f"{len(names)} recordings have no {what}: {', '.join(names[:3])}",
             value=float(len(names)),
-            next_step=f"Give it in {MANIFEST} ({','.join(COLUMNS)})",
+            next_step=f"give it in {MANIFEST} ({','.join(COLUMNS)})",
         )
         for kind, what, names in (
             ("another_robot", "name of a robot, and are taken as one robot", unnamed),
@@ -209,15 +209,15 @@ def _missing(recordings: Sequence[FleetRecording]) -> list[Finding]:
     known = {name: len(group) for name, group in _by_robot(dated).items()}
     few = sorted(
         {
-            one.robot
+            one.robot or f"{one.model} without a name"
             for one in recordings
             if known.get(one.robot, 0) < identification.LEAST_RECORDINGS
         }
     )
     if few:
         text = (
-            f"{len(few)} robots have fewer than {identification.LEAST_RECORDINGS} recordings with "
-            f"a time, and no trends: {', '.join(few[:3])}"
+            f"robots with fewer than {identification.LEAST_RECORDINGS} recordings with a time have "
+            f"no trends: {', '.join(few[:3])}{f' and {len(few) - 3} more' if few[3:] else ''}"
         )
         found.append(Finding("not_diagnosed", text, value=float(len(few))))
     return found

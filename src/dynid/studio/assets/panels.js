@@ -344,7 +344,7 @@ function verdict(item) {
     h("p", { class: `verdict ${item.level}`, text: item.headline }),
     ...item.warnings.map((text) => h("p", { class: "hint", text })),
     joints.length ? h("table", {}, h("thead", {}, h("tr", {}, h("th", { text: "Joint" }), h("th", { text: "Error RMS" }), h("th", { text: "of torque" }))),
-      h("tbody", {}, ...joints.map((j) => h("tr", {}, h("td", { text: j.name }), h("td", { text: `${number(j.error)} N·m` }), h("td", { text: j.torque ? `${(100 * j.error / j.torque).toFixed(1)} %` : "–" }))))) : "",
+      h("tbody", {}, ...joints.map((j) => h("tr", {}, h("td", { text: j.name }), h("td", { text: `${number(j.error)} ${j.unit}` }), h("td", { text: j.torque ? `${(100 * j.error / j.torque).toFixed(1)} %` : "–" }))))) : "",
     joints.length ? h("p", { class: "hint", text: `Predicted: ${item.basis}.` }) : "",
     h("details", {}, h("summary", { text: `Parameters (${item.parameters.length})` }), h("table", {}, h("tbody", {}, ...item.parameters.map((p) =>
       h("tr", {}, h("td", { text: p.expression || p.name, title: p.name }), h("td", { text: `${number(p.value)} ± ${number(p.interval)} ${p.unit}` })))))),
