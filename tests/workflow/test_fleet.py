@@ -161,6 +161,8 @@ def test_state_for_dashboards_and_page(found: dynid.Fleet) -> None:
     assert len((found.output / "state.csv").read_text().splitlines()) == 13
     page = (found.output / "report.html").read_text()
     assert page.count("days since 2026-01-05") >= 2
+    assert "Shoulder lift: friction [N·m], step +" in page
+    assert "about 2026-01-12 00:00 UTC, p 0.0" in page
     assert page.count('<span class="no">1 alarm') == 2
     assert not re.search(r"(src|href)=", page)
 

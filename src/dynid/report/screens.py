@@ -243,7 +243,7 @@ def _steps(contents: ReportContents, item: ReportedEstimate) -> Iterator[Step]:
     for finding in sorted(item.warnings, key=lambda f: f.severity != "error"):
         if finding.next_step and finding.next_step not in told and finding.severity != "info":
             told.add(finding.next_step)
-            yield Step(do=_sentence(finding.next_step), why=_sentence(finding.text))
+            yield Step(do=_sentence(finding.text), why=_sentence(finding.next_step))
     if item.validation is None and item.shown is not None:
         yield Step(
             do="Validate on another motion.",
@@ -258,7 +258,13 @@ def _steps(contents: ReportContents, item: ReportedEstimate) -> Iterator[Step]:
                 command=f"dynid design {Path(robot).name} -o design.json",
             )
             break
-    if item.level == "usable":
+    if contents.models:
+        yield Step(
+            do="Use the model.",
+            why=f"Beside this page, C for feed-forward control, URDF and MJCF for simulators: "
+            f"{', '.join(contents.models)}.",
+        )
+    elif item.level == "usable":
         yield Step(
             do="Export the model.",
             why="C for feed-forward control, MJCF or URDF for simulators.",

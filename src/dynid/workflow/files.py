@@ -30,7 +30,7 @@ from dynid.signals import ProcessingSettings, rows_of, survey, window
 from dynid.validation import ValidationResult, refit_friction, samples_of, validate
 from dynid.workflow.identify import Identification, Verdict, identify, verdict
 from dynid.workflow.recordings import known_gains, of_robot, robot_of
-from dynid.workflow.reporting import report
+from dynid.workflow.reporting import MODELS, report
 
 
 def identify_files(
@@ -153,8 +153,6 @@ def validate_files(
     return validate(known, record, start_s=start_s, stop_s=stop_s)
 
 
-MODELS = {"urdf": "model.urdf", "mjcf": "model.xml", "c": "model.h"}
-"""The models that are written, by format."""
 ESTIMATE = "estimate.json"
 REPORT = "report.html"
 

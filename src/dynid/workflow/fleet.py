@@ -320,10 +320,11 @@ def _alarm(joint: identification.JointState) -> Finding:
     step, low, high = joint.change_percent
     friction, control = joint.friction, joint.control
     if joint.alarm == "friction_drift" and friction is not None:
+        since = _moment(float(friction.time_s[friction.step_at]))
         return Finding(
             "friction_drift",
             f"{joint.robot}, {joint.name}: friction changed by {step:+.1f} % ({low:+.1f} to "
-            f"{high:+.1f}) about {_iso_time(float(friction.time_s[friction.step_at]))}, "
+            f"{high:+.1f}) about {since:%Y-%m-%d %H:%M} UTC, "
             f"p {joint.friction_p:.2g}; the inertias did not",
             joints=(joint.joint,),
             value=step,
