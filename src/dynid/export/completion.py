@@ -165,13 +165,13 @@ def _driven(model: InverseDynamicModel, prior: Array) -> Array:
 
 
 _DIVERGENCE = (
-    "the bodies nearest to the robot's published ones (log-det divergence) of all with the "
-    "identified base parameters"
+    "of all links with the identified base parameters, those nearest to the published ones "
+    "(log-det divergence)"
 )
 _CONSISTENT = "those of the physically consistent estimate"
 _IMPOSSIBLE = (
-    "the parameters nearest to possible bodies of all with the identified base parameters, "
-    "which no bodies that can exist have"
+    "of all with the identified base parameters, those nearest to physically consistent links; "
+    "no physically consistent links have these base parameters"
 )
 _STEPS = 200
 _DECREMENT = 1e-10
