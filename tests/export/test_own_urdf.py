@@ -178,6 +178,14 @@ def test_one_that_has_moved_is_named_and_others_are_refused(mine: Path, tmp_path
     assert not list(tmp_path.glob("*other*"))
 
 
+def test_joints_that_a_robot_file_renames_are_those_of_no_urdf(mine: Path, tmp_path: Path) -> None:
+    (tmp_path / "arm.toml").write_text(f'joint_names = ["a", "b", "c"]\n{ROBOT_FILE}')
+    robot = load_robot(tmp_path / "arm.toml")
+    assert robot.bodies
+    done = write_model(estimate_of(robot, parameters_of(robot, 5)), tmp_path / "own.urdf", "urdf")
+    assert (done.source, done.verified.passed) == (None, True)
+
+
 def _without_meshes(path: Path) -> str:
     """MuJoCo looks for meshes."""
     lines = path.read_text().splitlines()

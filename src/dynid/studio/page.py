@@ -74,7 +74,7 @@ class Page:
     def _open(self, opened: Opened) -> None:
         self.session = Session(opened)
         self.notes = [f"{name}: {why}" for name, why in opened.skipped]
-        self.meshes = robot_meshes(opened.robot, opened.reference, self.notes)
+        self.meshes = robot_meshes(opened.robot, self.notes)
         self._results_known: list[dict[str, Any]] = []
         self._opening = time.monotonic_ns()
 
