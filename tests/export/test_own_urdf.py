@@ -8,8 +8,10 @@ import pinocchio as pin
 import pytest
 from known_exports import estimate_of, parameters_of
 
+from dynid.cli.app import main
 from dynid.core import InputError
 from dynid.export import write_model
+from dynid.identification import write_estimate
 from dynid.robot import load_robot
 
 # Three joints, one of them endless and one askew; a tool with a collision body fixed to the last
@@ -159,7 +161,9 @@ def test_meshes_are_found_from_another_folder(mine: Path, tmp_path: Path) -> Non
     assert '<mesh filename="../mine/meshes/turret.stl"/>' in done.path.read_text()
 
 
-def test_one_that_has_moved_is_named_and_others_are_refused(mine: Path, tmp_path: Path) -> None:
+def test_one_that_has_moved_is_named_and_others_are_refused(
+    mine: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     robot = load_robot(mine)
     estimate = estimate_of(robot, parameters_of(robot, 5))
     there = mine.rename(tmp_path / "moved.urdf")
@@ -167,6 +171,12 @@ def test_one_that_has_moved_is_named_and_others_are_refused(mine: Path, tmp_path
     assert own.source is None
     assert 'name="link_3"' in own.path.read_text()
     assert write_model(estimate, tmp_path / "new.urdf", "urdf", urdf=there).source == there
+    write_estimate(estimate, tmp_path / "estimate.json")
+    words = ["export", str(tmp_path / "estimate.json"), "--to", "urdf", "-o"]
+    assert main([*words, str(tmp_path / "a.urdf")]) == 0
+    assert f"{mine} is not there" in capsys.readouterr().out.replace("\n", "")
+    assert main([*words, str(tmp_path / "b.urdf"), "--urdf", str(there)]) == 0
+    assert f"a copy of {there}" in capsys.readouterr().out
     there.write_text(ARM.replace('xyz="0 0 .3"', 'xyz="0 0 .31"'))
     with pytest.raises(InputError, match="turn"):
         write_model(estimate, tmp_path / "other.urdf", "urdf", urdf=there)

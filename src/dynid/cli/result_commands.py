@@ -54,6 +54,9 @@ def export_command(
     screen, verified = show.console(), result.verified
     copied = "" if result.source is None else f", a copy of {result.source}"
     screen.print(f"{to} model written to {output}{copied}", soft_wrap=True)
+    known = result.model.robot.urdf
+    if to == "urdf" and known and result.source is None:
+        screen.print(f"{known} is not there: links have names of their own; --urdf names the file.")
     if verified.max_torque_difference is None:
         screen.print(f"Not verified: {verified.loaded_with}.")
     else:

@@ -275,7 +275,7 @@ def write_model(
     model, completed = completed_model(estimate)
     kind = _FORMATS[to]
     if urdf is not None and to != "urdf":
-        raise InputError("only a URDF can be a copy of one", where="urdf", value=to, limit="urdf")
+        raise InputError("only a URDF can be a copy of one", where="--urdf", value=to, limit="urdf")
     source = _own_urdf(model.robot, urdf) if to == "urdf" else None
     if source is not None:
         kind = replace(kind, text=partial(_copy, source, path), torque=_copy_torque)

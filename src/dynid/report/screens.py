@@ -258,17 +258,15 @@ def _steps(contents: ReportContents, item: ReportedEstimate) -> Iterator[Step]:
                 command=f"dynid design {Path(robot).name} -o design.json",
             )
             break
-    if contents.models:
+    if item.level == "usable":
+        named = ", ".join(contents.models)
         yield Step(
-            do="Use the model.",
-            why=f"Beside this page, C for feed-forward control, URDF and MJCF for simulators: "
-            f"{', '.join(contents.models)}.",
-        )
-    elif item.level == "usable":
-        yield Step(
-            do="Export the model.",
-            why="C for feed-forward control, MJCF or URDF for simulators.",
-            command=f"dynid export {shlex.quote(item.name)} --to mjcf -o robot.xml",
+            do="Use the model." if named else "Export the model.",
+            why="C for feed-forward control, MJCF or URDF for simulators"
+            + (f"; beside this page: {named}." if named else "."),
+            command=""
+            if named
+            else f"dynid export {shlex.quote(item.name)} --to mjcf -o robot.xml",
         )
 
 

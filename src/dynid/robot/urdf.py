@@ -330,6 +330,7 @@ def urdf_links(robot: RobotModel, file: Path) -> list[UrdfLink]:
             where=where,
             value=_listed(lost),
             limit=_listed(list(tree.joints)),
+            next_step="Give the URDF of the robot that was identified.",
         )
     trunk = Trunk(joints=robot.joint_names, tip="", locked=dict(robot.locked), notes=())
     poses, carriers = place_links(tree, trunk)
@@ -349,6 +350,7 @@ def urdf_links(robot: RobotModel, file: Path) -> list[UrdfLink]:
                 "the joint stands elsewhere than that of the robot that was identified",
                 where=where,
                 value=printable(name),
+                next_step="Give the URDF of that robot, or identify again with this one.",
             )
     return [
         UrdfLink(
