@@ -17,7 +17,7 @@ from gentle import CYCLES, write_motion
 from dynid.recording import read_record
 from dynid.robot import joint_poses
 from dynid.studio.page import Page
-from dynid.studio.server import Server, make_door
+from dynid.studio.server import Server, access_policy
 from dynid.studio.session import open_path
 from urtwin import controller_process, own_address
 
@@ -49,15 +49,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def studio(folder: Path) -> Iterator[tuple[Page, str]]:
-    door = make_door("127.0.0.1", None)
+    policy = access_policy("127.0.0.1", None)
     page = Page(open_path(str(folder)))
     page.session.choose("motion.json")
-    server = Server(door, 0, page)
+    server = Server(policy, 0, page)
     server.start()
     stop = threading.Event()
     loop = threading.Thread(target=page.run, args=(stop,))
     loop.start()
-    yield page, door.url(server.port)
+    yield page, policy.url(server.port)
     stop.set()
     loop.join()
     page.close()

@@ -132,7 +132,7 @@ class PseudoInertias:
         return values[self.motors] / self.prior[self.motors]
 
     def impossible(self, values: Array) -> str:
-        """The links and motors that cannot exist, in words; empty if all can.
+        """The links and motors that are not physically consistent, in words; empty if all are.
 
         Those that lack less than a thousandth of what the worst one lacks are not named: where
         thousands of priors are lacking, the search ends that far from its optimum, and which side
@@ -202,7 +202,7 @@ class Completion:
     physical: bool
     """Whether every link is physically consistent and no motor inertia is negative."""
     worst: str
-    """The links and motors that cannot exist, in words; empty if all can."""
+    """The links and motors that are not physically consistent, in words; empty if all are."""
     origin: str
     """How they were found, in words."""
 

@@ -240,7 +240,7 @@ def mjcf_text(model: ExportModel, note: str = "") -> str:
     """The file's text: one body a link in its joint frame, gravity as mounted, the note on top.
 
     Raises:
-        JobError: Bodies, friction or motor inertias that cannot exist, which MuJoCo refuses.
+        JobError: Links, friction or motor inertias that are not physically consistent: MuJoCo refuses them.
     """
     if not model.physical:
         raise JobError(

@@ -158,7 +158,7 @@ def _precise_words(names: list[str]) -> str:
 
 
 def _bodies(item: ReportedEstimate) -> tuple[str, str, str]:
-    """What the masses of single links rest on, and whether such bodies can exist."""
+    """What the masses of single links rest on, and whether the links are physically consistent."""
     if item.links is None:
         return ("\N{EN DASH}", "links not separated", "")
     n = item.estimate.model.robot.joints
