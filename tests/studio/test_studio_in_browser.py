@@ -329,3 +329,28 @@ def test_a_run_beside_an_open_page_loses_no_sample_and_can_be_stopped(
     visit.page.get_by_text("stopped: it was interrupted").wait_for()
     assert read_record(folder / "stopped.parquet").metadata.extra["abort"] == "interrupted"
     visit.check()
+
+
+def test_what_is_dropped_in_any_step_is_answered(
+    visited: Visited,
+) -> None:
+    visit = visited(1400)
+
+    def drop(name: str, text: str) -> None:
+        visit.page.evaluate(
+            "([name, text]) => import('/studio.js').then((m) => m.send(new File([text], name)))",
+            [name, text],
+        )
+
+    visit.step("Use")
+    drop("notes.csv", "no recording\n")
+    visit.page.locator("#job .bad", has_text="there are no rows of numbers").wait_for()
+    arm = (
+        '<robot name="two"><link name="base"/><link name="arm"/><joint name="j" type="revolute">'
+        '<parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>'
+        '<limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>'
+    )
+    drop("two.urdf", arm)
+    visit.page.locator("#robot", has_text="TWO").wait_for()
+    assert visit.page.locator("#panel").get_attribute("aria-label") == "Design"
+    visit.check()

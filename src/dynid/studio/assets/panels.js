@@ -123,7 +123,9 @@ function margin(one) {
 
 // Progress of the job, and the words that it ended with.
 function jobView(app, kinds) {
-  const job = app.state.job, own = job && kinds.includes(job.kind);
+  // A log may be dropped in any step: that it cannot be read is shown in all of them.
+  const job = app.state.job;
+  const own = job && (kinds.includes(job.kind) || (job.kind === "import" && (!job.ended || job.level === "bad")));
   const words = app.words || (own && job.ended ? { text: job.words, level: job.level } : null);
   const facts = [words, own && !job.ended && [job.kind, job.ask, job.stopping], app.step, fresh(app, "design")];
   const node = region("job", facts, () => {

@@ -105,7 +105,7 @@ async function follow(state) {
     frameArm();
   }
   followRun(state, old);
-  if (!app.step) app.step = first(state);
+  if (!app.step || (old && old.opened !== state.opened)) app.step = first(state);
   advance(state, old);
   arrange();
   render();
