@@ -59,7 +59,7 @@ def own_urdf_text(model: ExportModel, note: str, file: Path, output: Path) -> st
         if link.name in children:
             _set_inertial(element, *found[children.index(link.name)])
         elif link.joint and link.name not in kept and _has_body(element):
-            # Not left out: MuJoCo makes up the mass of such a link from its collision geometry.
+            # Not left out: MuJoCo makes up the mass of such a link from its geometry.
             _set_inertial(element, 0.0, np.zeros(3), np.zeros(6))
     for k, name in enumerate(model.robot.joint_names):
         damping, friction = numbers(model.terms["Fv"][k]), numbers(model.terms["Fc"][k])
@@ -129,7 +129,7 @@ def _child(joint: ET.Element) -> str:
 
 
 def _has_body(link: ET.Element) -> bool:
-    return any(True for tag in ("inertial", "collision") for _ in _children(link, tag))
+    return any(True for tag in ("inertial", "collision", "visual") for _ in _children(link, tag))
 
 
 def _set_inertial(link: ET.Element, mass: float, centre: Array, inertia: Array) -> None:

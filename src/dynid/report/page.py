@@ -187,8 +187,7 @@ def render(contents: ReportContents) -> str:
         undefined=jinja.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        # Messages are also read in terminals that have no such sign.
-        finalize=lambda x: x.replace("+-", "±") if type(x) is str else x,
+        finalize=_signed,
     )
     # Figures escape what they are given themselves.
     environment.filters |= {"drawn": _drawn, "number": draw.number}
@@ -208,6 +207,11 @@ def render(contents: ReportContents) -> str:
         link=figures.TIME,
     )
     return page
+
+
+def _signed(value: object) -> object:
+    """Messages with the sign that not every terminal has; markup as it is."""
+    return value.replace("+-", "±") if type(value) is str else value
 
 
 def write_report(contents: ReportContents, path: str | Path) -> Path:
