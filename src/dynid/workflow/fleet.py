@@ -207,16 +207,12 @@ def _missing(recordings: Sequence[FleetRecording]) -> list[Finding]:
     ]
     dated = [one for one in recordings if not np.isnan(one.time_s)]
     known = {name: len(group) for name, group in _by_robot(dated).items()}
-    few = sorted(
-        {
-            one.robot or f"{one.model} without a name"
-            for one in recordings
-            if known.get(one.robot, 0) < identification.LEAST_RECORDINGS
-        }
-    )
+    least = identification.LEAST_RECORDINGS
+    rare = [one for one in recordings if known.get(one.robot, 0) < least]
+    few = sorted({one.robot or f"{one.model} without a name" for one in rare})
     if few:
         text = (
-            f"robots with fewer than {identification.LEAST_RECORDINGS} recordings with a time have "
+            f"robots with fewer than {least} recordings with a time have "
             f"no trends: {', '.join(few[:3])}{f' and {len(few) - 3} more' if few[3:] else ''}"
         )
         found.append(Finding("not_diagnosed", text, value=float(len(few))))
