@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from dynid.cli.app import main
-from dynid.cli.output import count, print_table
+from dynid.cli.output import count, fitting, print_table
 
 ROWS = [
     ("shoulder_pan_joint", "0.914", "1.2345e-05", "-6.283", "0.999"),
@@ -37,6 +37,15 @@ def test_a_wide_terminal_holds_a_row_in_a_line() -> None:
     stream = io.StringIO()
     print_table(Console(file=stream, width=80), "Title", COLUMNS, ROWS)
     assert len(stream.getvalue().splitlines()) == 3 + len(ROWS)
+
+
+def test_as_many_findings_are_printed_as_lines_are_free() -> None:
+    screen = Console(file=io.StringIO(), width=40)
+    short = {"code": "at_rest", "message": "it stands still"}
+    long = {"code": "payload", "message": "the last link carries more than was published " * 3}
+    assert [fitting(screen, [short, long, short], n) for n in (0, 1, 4, 5, 6)] == [1, 1, 1, 2, 3]
+    assert fitting(screen, [long], 1) == 1
+    assert fitting(screen, [], 5) == 0
 
 
 def test_one_is_no_plural() -> None:

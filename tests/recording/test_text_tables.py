@@ -461,3 +461,13 @@ def test_an_option_is_said_with_the_command_that_takes_it(tmp_path: Path) -> Non
     with pytest.raises(RecordError) as caught:
         open_record(binary, load_robot("ur5"))
     assert caught.value.next_step == "Record again without --binary."
+
+
+def test_columns_that_cannot_be_told_apart_are_named_with_the_command_that_takes_names(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "currents.csv"
+    names = ",".join(f"Joint_{k}" for k in range(1, 7))
+    path.write_text(f"{names}\n" + "0.5,0.25,1,1,2,3\n" * 99)
+    with pytest.raises(RecordError, match=r"columns.* It is an option of dynid import, "):
+        open_record(path, load_robot("ur5"))

@@ -57,6 +57,18 @@ def test_numbers_are_those_of_the_estimate(page: Page, finished_run: Path) -> No
         assert digest in text
 
 
+def test_what_to_do_follows_what_was_found(page: Page) -> None:
+    _, contents = page
+    item = contents.estimates[0]
+    payload = Finding(
+        "payload", "the last link carries 1.65 +- 0.18 kg", next_step="remove it, or add it"
+    )
+    text = visible(render(replace(contents, estimates=(replace(item, warnings=(payload,)),))))
+    assert "The last link carries 1.65 ± 0.18 kg. Remove it, or add it." in text
+    assert "+-" not in text
+    assert "95 % intervals of Fc [N·m] and Fv [N·m·s/rad]." in text
+
+
 def test_measured_torque_is_drawn_where_it_was_measured(page: Page) -> None:
     path, contents = page
     shown = contents.estimates[0].shown

@@ -190,7 +190,7 @@ def test_limits_that_mean_nothing_are_unknown() -> None:
     ],
 )
 def test_without_a_trunk_the_error_lists_tips(name: str) -> None:
-    with pytest.raises(RobotError, match="(several|no) chains? of moving joints") as caught:
+    with pytest.raises(RobotError, match=r"(several|no) chains? of moving joints") as caught:
         load_urdf(DATA / name)
     if "tiago" in name:
         assert str(caught.value.limit).startswith("arm_tool_link")

@@ -116,4 +116,4 @@ URS = {
 
 
 def load_urdf(path: Path, **words: Any) -> RobotModel:
-    return robot_from_urdf(path.read_bytes(), where=path.name, stem=path.stem, **words)
+    return robot_from_urdf(path.read_bytes(), where=path.name, file=path, **words)

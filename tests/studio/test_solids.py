@@ -106,12 +106,16 @@ def test_visual_meshes_stand_where_the_urdf_says(tmp_path) -> None:
     path.write_text(URDF.format(geometry=geometry))
     notes: list[str] = []
     robot = load_robot(path)
-    (mesh,) = robot_meshes(robot, str(path), notes)
+    (mesh,) = robot_meshes(robot, notes)
     assert (mesh.link, notes) == (1, [])
     pose = joint_poses(robot, np.zeros(1))[0]
     drawn = mesh.vertices @ pose[:3, :3].T + pose[:3, 3]
     expected = {(0.0, 0.0, 0.6), (0.1, 0.0, 0.6), (0.0, 0.2, 0.6)}
     assert {tuple(np.round(row, 9) + 0.0) for row in drawn} == expected
+    # Also where a robot file only names the URDF.
+    (tmp_path / "two.toml").write_text('urdf = "two.urdf"\ntip = "arm"\n')
+    (again,) = robot_meshes(load_robot(tmp_path / "two.toml"), notes)
+    np.testing.assert_array_equal(again.vertices, mesh.vertices)
 
 
 def test_broken_meshes_are_said_and_bodies_drawn(tmp_path) -> None:
@@ -122,6 +126,6 @@ def test_broken_meshes_are_said_and_bodies_drawn(tmp_path) -> None:
         path.write_text(URDF.format(geometry=geometry))
         notes: list[str] = []
         robot = load_robot(path)
-        meshes = robot_meshes(robot, str(path), notes)
+        meshes = robot_meshes(robot, notes)
         assert len(notes) == 1
         assert len(meshes) == len(arm_meshes(robot)) > 0

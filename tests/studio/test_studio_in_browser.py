@@ -17,7 +17,7 @@ from gentle import CYCLES, write_motion
 from dynid.recording import read_record
 from dynid.robot import joint_poses
 from dynid.studio.page import Page
-from dynid.studio.server import Server, make_door
+from dynid.studio.server import Server, access_policy
 from dynid.studio.session import open_path
 from urtwin import controller_process, own_address
 
@@ -49,15 +49,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def studio(folder: Path) -> Iterator[tuple[Page, str]]:
-    door = make_door("127.0.0.1", None)
+    policy = access_policy("127.0.0.1", None)
     page = Page(open_path(str(folder)))
     page.session.choose("motion.json")
-    server = Server(door, 0, page)
+    server = Server(policy, 0, page)
     server.start()
     stop = threading.Event()
     loop = threading.Thread(target=page.run, args=(stop,))
     loop.start()
-    yield page, door.url(server.port)
+    yield page, policy.url(server.port)
     stop.set()
     loop.join()
     page.close()
@@ -194,6 +194,10 @@ def test_keys_do_what_buttons_do(visited: Visited) -> None:
     until(lambda: visit.app("app.playing"), visit)
     keyboard.press("Escape")
     assert visit.app("app.playing") is False
+    # A button that was pressed last takes the keys that press it, no others.
+    visit.page.locator("#play").focus()
+    keyboard.press("2")
+    assert visit.page.locator("#panel").get_attribute("aria-label") == "Run"
     visit.page.locator("#over").focus()
     turn = visit.app("app.view.camera.turn")
     keyboard.press("ArrowRight")
@@ -207,6 +211,22 @@ def test_keys_do_what_buttons_do(visited: Visited) -> None:
     )
     assert names == []
     visit.check()
+
+
+def test_nothing_fails_before_the_server_has_answered(
+    browser: Any, studio: tuple[Page, str]
+) -> None:
+    page = browser.new_page()
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.route("**/api/state*", lambda route: None)
+    with page.expect_request("**/api/state*"):
+        page.goto(studio[1])
+    page.locator("#primary").dispatch_event("click")
+    with page.expect_response("**/do/stop"):
+        page.keyboard.press("Escape")
+    assert errors == []
+    page.close()
 
 
 def test_names_from_files_are_text(visited: Visited, studio: tuple[Page, str]) -> None:
@@ -291,6 +311,9 @@ def test_a_run_beside_an_open_page_loses_no_sample_and_can_be_stopped(
     record = read_record(folder / "record.parquet")
     assert record.samples == 2 * CYCLES
     assert np.abs(np.diff(record.t) - 0.008).max() < 1e-6
+    # The legend is that of the curves also where another file has the same quantity.
+    legend = visit.page.locator("#legend span")
+    assert legend.all_inner_texts() == ["measured"]
     visit.primary("Continue to identify")
     assert visit.page.get_by_label("Recording").input_value() == "record.parquet"
     visit.step("Run")
@@ -305,4 +328,29 @@ def test_a_run_beside_an_open_page_loses_no_sample_and_can_be_stopped(
     until(lambda: session.job is not job and session.job.state.ended, visit)
     visit.page.get_by_text("stopped: it was interrupted").wait_for()
     assert read_record(folder / "stopped.parquet").metadata.extra["abort"] == "interrupted"
+    visit.check()
+
+
+def test_what_is_dropped_in_any_step_is_answered(
+    visited: Visited,
+) -> None:
+    visit = visited(1400)
+
+    def drop(name: str, text: str) -> None:
+        visit.page.evaluate(
+            "([name, text]) => import('/studio.js').then((m) => m.send(new File([text], name)))",
+            [name, text],
+        )
+
+    visit.step("Use")
+    drop("notes.csv", "no recording\n")
+    visit.page.locator("#job .bad", has_text="there are no rows of numbers").wait_for()
+    arm = (
+        '<robot name="two"><link name="base"/><link name="arm"/><joint name="j" type="revolute">'
+        '<parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>'
+        '<limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>'
+    )
+    drop("two.urdf", arm)
+    visit.page.locator("#robot", has_text="TWO").wait_for()
+    assert visit.page.locator("#panel").get_attribute("aria-label") == "Design"
     visit.check()

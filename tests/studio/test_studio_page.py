@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import json
 import threading
@@ -84,7 +85,7 @@ def test_run_then_identify_then_export_and_report(page: Page) -> None:
     assert "this result" in shown["headline"].lower()
     told = read_estimate(folder / "estimate.json").warnings
     assert {finding.message[:200] for finding in told} <= {text[:200] for text in shown["warnings"]}
-    assert [item["name"] for item in shown["joints"]] == list(page.session.robot.joint_names)
+    assert [item["name"] for item in shown["joints"]] == page.look_up("robot", str)["joints"]
     assert json.dumps(page.look_up("curves", lambda _: "record.parquet")).count("predicted") == 1
     (folder / "report.html").write_text("mine")
     assert "report_2.html" in str(do(page, "report"))
@@ -173,12 +174,16 @@ def test_a_dropped_log_is_read_by_a_job_and_played(page: Page) -> None:
     rows += [
         f"{at:.4f}," + ",".join(f"{0.1 * np.sin(3 * at + k):.6f}" for k in range(12)) for at in t
     ]
-    drop(page, "log.csv", "\n".join(rows).encode())
+    # Half a second at rest, which is told in words.
+    rows[1:1] = [f"{(k - 63) / 125:.4f}," + rows[1].partition(",")[2] for k in range(63)]
+    drop(page, "log.csv.gz", gzip.compress("\n".join(rows).encode()))
     until(page, lambda: ended(page))
     state = page.state()
+    assert "263 samples at 125 Hz" in state["job"]["words"]
+    assert "{" not in state["job"]["words"]
     assert state["job"]["level"] != "bad", state["job"]
     assert state["motion"] == "log.parquet"
-    assert read_record(page.session.folder / "log.parquet").samples == 200
+    assert read_record(page.session.folder / "log.parquet").samples == 263
 
 
 def test_a_dropped_urdf_design_and_scene_are_opened(page: Page, tmp_path: Path) -> None:

@@ -54,7 +54,13 @@ def test_a_log_becomes_a_model_a_report_and_a_verdict(log: Path, tmp_path: Path)
         "c",
     }
     assert all(export.path.stat().st_size for export in found.models)
-    assert "<html" in found.report.read_text(encoding="utf-8")[:500]
+    page = found.report.read_text(encoding="utf-8")
+    assert "<html" in page[:500]
+    # The page goes on from the models that lie beside it.
+    written = [export.path.name for export in found.models]
+    assert found.verdict.level == "usable"
+    assert f"for simulators; beside this page: {', '.join(written)}." in page
+    assert "dynid export" not in page
     keys = found.to_json()
     assert {"base_parameters", "training", "verdict", "report", "models"} <= keys.keys()
 

@@ -161,6 +161,8 @@ def test_state_for_dashboards_and_page(found: dynid.Fleet) -> None:
     assert len((found.output / "state.csv").read_text().splitlines()) == 13
     page = (found.output / "report.html").read_text()
     assert page.count("days since 2026-01-05") >= 2
+    assert "Shoulder lift: friction [N·m], step +" in page
+    assert "about 2026-01-12 00:00 UTC, p 0.0" in page
     assert page.count('<span class="no">1 alarm') == 2
     assert not re.search(r"(src|href)=", page)
 
@@ -177,6 +179,17 @@ def test_what_recordings_do_not_say_is_told_and_a_manifest_says_it(
     kinds = {finding.kind for finding in nameless.findings}
     assert kinds == {"another_robot", "clock_mismatch", "not_diagnosed"}
     assert [name for name, _ in nameless.skipped] == ["notes.csv"]
+    for k in range(60):
+        (folder / f"notes{k}.csv").write_text("no recording\n")
+    assert main(["fleet", str(folder), "-o", str(tmp_path / "out")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("0 alarms in 0 trends")
+    assert lines[1] == "2 recordings of 1 robot: 0 computed, 2 from the cache, 61 left out"
+    assert len(lines) <= 40
+    assert "ur5 without a name" in " ".join(lines)
+    assert lines[-1].startswith("Next: open ")
+    assert main(["fleet", str(folder), "-o", str(tmp_path / "out"), "--all"]) == 0
+    assert sum("left out notes" in line for line in capsys.readouterr().out.splitlines()) == 61
     (folder / "manifest.csv").write_text(
         "file,robot,time\n0.parquet,r7,2026-02-01\n1.parquet,r7,2026-02-02T08:00:00+01:00\n"
     )

@@ -46,8 +46,8 @@ def print_metrics(
 
 
 COLOURS = {"usable": "bold green", "care": "bold yellow", "do_not_use": "bold red"}
-MOST_FINDINGS = 4
-"""Findings that are printed unasked, strongest first."""
+FINDING_LINES = 12
+"""Lines for findings that are printed unasked, strongest first, less one a joint."""
 
 
 def _print_identification(screen: Console, result: Identification, *, everything: bool) -> None:
@@ -87,15 +87,15 @@ def _print_identification(screen: Console, result: Identification, *, everything
     shown = list(result.warnings)
     if not everything:
         shown = [finding for finding in shown if finding.severity != "info"]
-        shown = sorted(shown, key=lambda finding: finding.severity != "error")[:MOST_FINDINGS]
-    show.print_notices(screen, "Findings", [notice.to_json() for notice in shown])
+        shown = sorted(shown, key=lambda finding: finding.severity != "error")
+    notices, room = [notice.to_json() for notice in shown], FINDING_LINES - len(slides)
+    told = len(notices) if everything else show.fitting(screen, notices, room)
+    show.print_notices(screen, "Findings", notices[:told])
     if not everything:
         screen.print()
-        more = len(result.warnings) - len(shown)
-        rest = f" and {more} more findings" if more > 0 else ""
-        screen.print(
-            f"--all also prints the parameters with their deviations and the choices{rest}"
-        )
+        more = len(result.warnings) - told
+        rest = f", {show.count(more, 'more finding')}" if more > 0 else ""
+        screen.print(f"--all also prints parameters, deviations, choices{rest}")
 
 
 def _print_parameters(screen: Console, result: Identification) -> None:
@@ -174,13 +174,13 @@ def fit_command(
         return
     screen = show.console()
     _print_identification(screen, result.identification, everything=everything)
-    screen.print()
     if "targets" in result.gains_from:
         screen.print("Drive gains were found from the target currents and moments in the log.")
     for export in result.models:
         check = export.verified
         unchecked = "" if check.passed else f" (torques not compared: {check.loaded_with})"
-        screen.print(f"{export.to}: {export.path}{unchecked}", soft_wrap=True)
+        copied = "" if export.source is None else f", a copy of {export.source}"
+        screen.print(f"{export.to}: {export.path}{copied}{unchecked}", soft_wrap=True)
     for to, reason in result.not_exported:
         screen.print(f"{to}: not written: {reason}", soft_wrap=True)
     screen.print(f"estimate: {result.estimate}", soft_wrap=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import os
@@ -94,7 +95,20 @@ def print_notices(screen: Console, title: str, notices: Iterable[Mapping[str, st
     screen.print()
     screen.print(title, style="bold")
     for notice in found:
-        screen.print(f"- {notice['code']}: {notice['message']}.")
+        screen.print(_line(notice))
+
+
+def _line(notice: Mapping[str, str]) -> str:
+    return f"- {notice['code']}: {notice['message']}."
+
+
+def fitting(screen: Console, notices: Sequence[Mapping[str, str]], lines: int) -> int:
+    """How many of the first findings fit into so many lines; at least one."""
+    from rich.text import Text
+
+    taken = [len(Text(_line(notice)).wrap(screen, screen.width)) for notice in notices]
+    ends = itertools.accumulate(taken)
+    return max(sum(end <= lines for end in ends), min(len(notices), 1))
 
 
 def number(value: float | None, digits: int = 4) -> str:

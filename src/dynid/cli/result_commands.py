@@ -31,6 +31,12 @@ def export_command(
         ),
     ],
     output: Annotated[Path, ask.option("FILE", "Where the model goes.", "-o", "--output")],
+    urdf: Annotated[
+        Path | None,
+        ask.option(
+            "FILE", "Robot's own URDF, to copy with the identified inertias; default: where it was."
+        ),
+    ] = None,
     at: ask.TemperatureOption = None,
     force: ask.ForceFlag = False,
     json: ask.JsonFlag = False,
@@ -41,12 +47,16 @@ def export_command(
 
     show.check_output(output, [estimate], force=force)
     check_suffix(to, output)
-    result = write_model(open_estimate(estimate, at), output, to)
+    result = write_model(open_estimate(estimate, at), output, to, urdf=urdf)
     if json:
         show.print_json(result.to_json())
         return
     screen, verified = show.console(), result.verified
-    screen.print(f"{to} model written to {output}", soft_wrap=True)
+    copied = "" if result.source is None else f", a copy of {result.source}"
+    screen.print(f"{to} model written to {output}{copied}", soft_wrap=True)
+    known = result.model.robot.urdf
+    if to == "urdf" and known and result.source is None:
+        screen.print(f"{known} is not there: links have names of their own; --urdf names the file.")
     if verified.max_torque_difference is None:
         screen.print(f"Not verified: {verified.loaded_with}.")
     else:
@@ -111,6 +121,10 @@ def report_command(
     screen.print(f"Written: {path}", soft_wrap=True)
 
 
+_MOST_LINES = 10
+"""Findings of a fleet, and recordings that were left out, that are printed without --all."""
+
+
 @ask.command(
     "dynid fleet recordings/ -o runs/fleet",
     "dynid fleet recordings/ -o runs/fleet --jobs 4 --json",
@@ -123,6 +137,9 @@ def fleet_command(
     output: Annotated[
         Path, ask.option("DIR", "Table, page, state and cache.", "-o", "--output")
     ] = Path("runs/fleet"),
+    everything: Annotated[
+        bool, ask.flag("--all", "Print every alarm and every recording that was left out.")
+    ] = False,
     json: ask.JsonFlag = False,
 ) -> None:
     """Many robots and days: estimates, friction trends, alarms."""
@@ -135,26 +152,28 @@ def fleet_command(
         show.print_json(data)
         return
     screen = show.console()
+    alarms, trends = show.count(len(found.alarms), "alarm"), show.count(found.tests, "trend")
+    recordings, robots = len(found.recordings), show.count(len(data["robots"]), "robot")
     screen.print(
-        f"{data['recordings']} recordings of {len(data['robots'])} robots: {data['computed']} "
-        f"computed, {data['cached']} from the cache, {len(data['skipped'])} left out",
+        f"{alarms} in {trends}; without any change, an alarm has a probability of "
+        f"{100 * settings.false_alarms:g} %",
         style="bold",
     )
-    show.print_table(
-        screen,
-        f"Alarms ({data['tests']} trends, {100 * settings.false_alarms:g} % for any false alarm)",
-        ("robot", "joint", "alarm", "friction [%]", "from", "to"),
-        [
-            (one.robot, one.name, one.alarm, *(show.number(x, 3) for x in one.change_percent))
-            for one in found.alarms
-        ],
-        words=range(3),
+    screen.print(
+        f"{show.count(recordings, 'recording')} of {robots}: {found.computed} computed, "
+        f"{recordings - found.computed} from the cache, {len(found.skipped)} left out"
     )
-    show.print_notices(screen, "Findings", data["findings"])
-    for name, why in found.skipped:
+    notices = sorted(found.findings, key=lambda told: not told.joints)
+    most = len(notices) + len(found.skipped) if everything else _MOST_LINES
+    show.print_notices(screen, "Findings", [told.to_json() for told in notices[:most]])
+    for name, why in found.skipped[:most]:
         screen.print(f"- left out {name}: {why}", soft_wrap=True)
-    for file in data["files"]:
-        screen.print(f"- {file}", soft_wrap=True)
+    hidden = len(notices[most:]) + len(found.skipped[most:])
+    if hidden:
+        screen.print(f"--all also prints {show.count(hidden, 'more line')}")
+    files = [Path(file) for file in data["files"]]
+    screen.print(f"Written to {output}: {', '.join(file.name for file in files)}", soft_wrap=True)
+    screen.print(f"Next: open {files[1]}", soft_wrap=True)
 
 
 @ask.command(

@@ -188,10 +188,10 @@ def payload_command(
     screen = show.console()
     half = float(data["mass_interval"][1]) - found.mass
     width = half / found.mass_std
-    show.print_notices(screen, "Findings", data["findings"])
     if found.mass < half:
         most = found.mass + half
         screen.print(f"No significant payload: below {most:.2g} kg (95 %)", style="bold")
+        show.print_notices(screen, "Findings", data["findings"])
         return
     screen.print(f"Payload: {found.mass:.4g} kg ± {half:.2g} kg (95 %)", style="bold")
     rows = [
@@ -206,6 +206,7 @@ def payload_command(
     show.print_table(
         screen, "In the flange frame, tensor about its origin", columns, rows, words=(0, 1)
     )
+    show.print_notices(screen, "Findings", data["findings"])
 
 
 @ask.command(

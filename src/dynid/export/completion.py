@@ -132,7 +132,7 @@ class PseudoInertias:
         return values[self.motors] / self.prior[self.motors]
 
     def impossible(self, values: Array) -> str:
-        """The links and motors that cannot exist, in words; empty if all can.
+        """The links and motors that are not physically consistent, in words; empty if all are.
 
         Those that lack less than a thousandth of what the worst one lacks are not named: where
         thousands of priors are lacking, the search ends that far from its optimum, and which side
@@ -165,13 +165,13 @@ def _driven(model: InverseDynamicModel, prior: Array) -> Array:
 
 
 _DIVERGENCE = (
-    "the bodies nearest to the robot's published ones (log-det divergence) of all with the "
-    "identified base parameters"
+    "of all links with the identified base parameters, those nearest to the published ones "
+    "(log-det divergence)"
 )
 _CONSISTENT = "those of the physically consistent estimate"
 _IMPOSSIBLE = (
-    "the parameters nearest to possible bodies of all with the identified base parameters, "
-    "which no bodies that can exist have"
+    "of all with the identified base parameters, those nearest to physically consistent links; "
+    "no physically consistent links have these base parameters"
 )
 _STEPS = 200
 _DECREMENT = 1e-10
@@ -202,7 +202,7 @@ class Completion:
     physical: bool
     """Whether every link is physically consistent and no motor inertia is negative."""
     worst: str
-    """The links and motors that cannot exist, in words; empty if all can."""
+    """The links and motors that are not physically consistent, in words; empty if all are."""
     origin: str
     """How they were found, in words."""
 

@@ -63,7 +63,7 @@ class ExportModel:
     physical: bool = True
     """Whether every link is physically consistent and no motor inertia is negative."""
     worst: str = ""
-    """The links and motors that cannot exist, in words; empty if all can."""
+    """The links and motors that are not physically consistent, in words; empty if all are."""
     origin: str = ""
     """How the standard parameters were found, in words."""
 

@@ -60,12 +60,12 @@ _LONG = {
     "Fw": "torque ripple of gears",
 }
 
-
-_SIX = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+SIX = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+"""Attributes of an inertia tensor in URDF, in the order of `bodies`."""
 
 
 def bodies(model: ExportModel) -> list[tuple[float, Array, Array]]:
-    """Mass [kg], centre of mass (3) [m] and central inertia (6) [kg.m^2] of each link, as `_SIX`.
+    """Mass [kg], centre of mass (3) [m] and central inertia (6) [kg.m^2] of each link, as `SIX`.
 
     Raises:
         JobError: A link whose mass is not positive, which has no centre of mass that loaders
@@ -130,24 +130,40 @@ def numbers(*values: float) -> str:
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 
-def _document(root: ET.Element, remarks: Sequence[str]) -> str:
-    """The file's text, remarks as a comment on top."""
+def comment(remarks: Iterable[str]) -> str:
+    """Lines as the comment on top of a file."""
     lines = [
         escape(printable(line, None)).replace("--", "- -")
         for remark in remarks
         for line in remark.splitlines()
     ]
+    return "\n".join(["<!--", *(f"  {line}" for line in lines), "-->"])
+
+
+def _document(root: ET.Element, remarks: Sequence[str]) -> str:
+    """The file's text, remarks as a comment on top."""
     ET.indent(root)
-    head = "\n".join(['<?xml version="1.0"?>', "<!--", *(f"  {line}" for line in lines), "-->"])
-    return f"{head}\n{ET.tostring(root, encoding='unicode')}\n"
+    return f"{HEAD}\n{comment(remarks)}\n{ET.tostring(root, encoding='unicode')}\n"
 
 
+HEAD = '<?xml version="1.0"?>'
 URDF_HELD = ("Fc", "Fv")
 """Terms beside the inertias that URDF has a place for."""
 _REVOLUTE = 2.0 * np.pi
 _PRISMATIC = 10.0
 _EFFORT = 1e4
 _SPEED = 1e2
+
+
+def urdf_remarks(model: ExportModel, note: str) -> list[str]:
+    """Lines of the comment of a URDF: the note, and what was identified and has no place in it."""
+    remarks = [note]
+    missing = left_out(model, URDF_HELD)
+    if missing:
+        remarks.append(f"Identified, but without a place in URDF: {', '.join(missing)}.")
+    if model.terms["Im"].any():
+        remarks.append(f"Motor inertias, joint side, by joint: {numbers(*model.terms['Im'])}.")
+    return remarks
 
 
 def urdf_text(model: ExportModel, note: str = "") -> str:
@@ -162,12 +178,8 @@ def urdf_text(model: ExportModel, note: str = "") -> str:
     """
     robot = model.robot
     refuse_negative_friction(model)
-    remarks = [note, f"Gravity: {numbers(float(np.linalg.norm(robot.gravity)))} m/s^2."]
-    missing = left_out(model, URDF_HELD)
-    if missing:
-        remarks.append(f"Identified, but without a place in URDF: {', '.join(missing)}.")
-    if model.terms["Im"].any():
-        remarks.append(f"Motor inertias, joint side, by joint: {numbers(*model.terms['Im'])}.")
+    remarks = urdf_remarks(model, note)
+    remarks.insert(1, f"Gravity: {numbers(float(np.linalg.norm(robot.gravity)))} m/s^2.")
     limits = robot.limits
     if np.isnan([limits.lower, limits.upper, limits.velocity, limits.torque]).any():
         remarks.append("Limits that are not known stand as very large numbers.")
@@ -182,7 +194,7 @@ def urdf_text(model: ExportModel, note: str = "") -> str:
         inertial = ET.SubElement(link, "inertial")
         ET.SubElement(inertial, "origin", xyz=numbers(*centre), rpy="0 0 0")
         ET.SubElement(inertial, "mass", value=numbers(mass))
-        six = {name: numbers(value) for name, value in zip(_SIX, inertia, strict=True)}
+        six = {name: numbers(value) for name, value in zip(SIX, inertia, strict=True)}
         ET.SubElement(inertial, "inertia", six)
         _joint(root, model, i)
     ET.SubElement(root, "link", name="flange")
@@ -228,7 +240,7 @@ def mjcf_text(model: ExportModel, note: str = "") -> str:
     """The file's text: one body a link in its joint frame, gravity as mounted, the note on top.
 
     Raises:
-        JobError: Bodies, friction or motor inertias that cannot exist, which MuJoCo refuses.
+        JobError: Links, friction or motor inertias that are not physically consistent.
     """
     if not model.physical:
         raise JobError(

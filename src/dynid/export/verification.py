@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -177,10 +177,21 @@ def _run(command: list[str], given: str, what: str) -> str:
     return done.stdout
 
 
-def urdf_torque(path: Path, gravity: float, states: States) -> tuple[Array | None, str]:
+def urdf_torque(
+    path: Path,
+    states: States,
+    gravity: Array,
+    joints: Sequence[str],
+    frozen: Mapping[str, float] | None = None,
+) -> tuple[Array | None, str]:
     """(N, n) torques of a URDF file by pinocchio, and its name; None if it is not installed.
 
-    `gravity` is its strength [m/s^2], which URDF does not hold.
+    Args:
+        path: The file.
+        states: Of the joints.
+        gravity: (3) in the frame of the file's root [m/s^2], which URDF does not hold.
+        joints: n names.
+        frozen: Where other joints stand, zero for those left out [rad or m].
 
     Raises:
         JobError: Pinocchio cannot read the file.
@@ -193,11 +204,28 @@ def urdf_torque(path: Path, gravity: float, states: States) -> tuple[Array | Non
         model = pin.buildModelFromUrdf(str(path))
     except (ValueError, RuntimeError) as error:
         raise JobError("pinocchio cannot read the file", where=str(path), value=error) from error
-    model.gravity.linear = np.array([0.0, 0.0, -gravity])
-    data = model.createData()
-    rigid = np.array([pin.rnea(model, data, *state) for state in zip(*states, strict=True)])
-    rubbing = model.damping * states[1] + model.upperDryFrictionLimit * np.sign(states[1])
-    return rigid + rubbing, f"pinocchio {pin.__version__}"
+    model.gravity.linear = gravity
+    data, base = model.createData(), pin.neutral(model)
+    for name, value in (frozen or {}).items():
+        _place(model, base, name, value)
+    at = [model.idx_vs[model.getJointId(name)] for name in joints]
+    torque = np.empty(states[0].shape)
+    for k, (q, dq, ddq) in enumerate(zip(*states, strict=True)):
+        pose, speed, acceleration = base.copy(), np.zeros(model.nv), np.zeros(model.nv)
+        for name, value in zip(joints, q, strict=True):
+            _place(model, pose, name, value)
+        speed[at], acceleration[at] = dq, ddq
+        torque[k] = pin.rnea(model, data, pose, speed, acceleration)[at]
+    rubbing = model.damping[at] * states[1] + model.upperDryFrictionLimit[at] * np.sign(states[1])
+    return torque + rubbing, f"pinocchio {pin.__version__}"
+
+
+def _place(model: Any, pose: Array, name: str, value: float) -> None:
+    """Put a joint where it shall stand; endless turns are a cosine and a sine to pinocchio."""
+    joint = model.getJointId(name)
+    if joint < model.njoints and model.nvs[joint] == 1:
+        first, size = model.idx_qs[joint], model.nqs[joint]
+        pose[first : first + size] = value if size == 1 else (np.cos(value), np.sin(value))
 
 
 def mjcf_torque(path: Path, states: States) -> tuple[Array | None, str]:

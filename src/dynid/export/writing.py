@@ -3,21 +3,32 @@
 import json
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, DynidError, Finding, InputError, JobError, in_one_piece, told
+from dynid.core import (
+    Array,
+    DynidError,
+    Finding,
+    InputError,
+    JobError,
+    in_one_piece,
+    printable,
+    told,
+)
 from dynid.export import robot_xml, verification
 from dynid.export.generated_code import c_code, c_prefix, python_code
 from dynid.export.model import ExportModel, NearestFriction, completed_model, nearest_friction
+from dynid.export.own_urdf import own_urdf_text
 from dynid.export.robot_xml import left_out, stand_in_words
 from dynid.identification import Estimate, EstimateLike, open_estimate
 from dynid.reduction import random_states
 from dynid.regressor import ripples_from_json
-from dynid.robot import PARAMETERS, robot_from_json, robot_to_json
+from dynid.robot import PARAMETERS, RobotModel, robot_from_json, robot_to_json
 
 FORMAT = "dynid-model"
 VERSION = 1
@@ -150,7 +161,10 @@ _FORMATS = {
         (".urdf", ".xml"),
         robot_xml.urdf_text,
         lambda model, path, states: verification.urdf_torque(
-            path, float(np.linalg.norm(model.robot.gravity)), states
+            path,
+            states,
+            np.array([0.0, 0.0, -np.linalg.norm(model.robot.gravity)]),
+            [printable(name, None) for name in model.robot.joint_names],
         ),
         robot_xml.URDF_HELD,
     ),
@@ -185,6 +199,8 @@ class ExportedFile:
     """Its format."""
     model: ExportModel
     """What it holds."""
+    source: Path | None
+    """The robot's own URDF of which the file is a copy; None for a file of its own."""
     verified: verification.Verification
     """What another program made of it."""
     left_out: tuple[str, ...]
@@ -199,6 +215,7 @@ class ExportedFile:
         return {
             "file": str(self.path),
             "format": self.to,
+            "copy_of": None if self.source is None else str(self.source),
             "verified": self.verified.to_json(),
             "physical": self.model.physical,
             "standard_parameters": self.model.origin,
@@ -225,19 +242,24 @@ def check_suffix(to: str, output: Path) -> None:
         )
 
 
-def write_model(estimate: EstimateLike, path: str | Path, to: str) -> ExportedFile:
+def write_model(
+    estimate: EstimateLike, path: str | Path, to: str, *, urdf: str | Path | None = None
+) -> ExportedFile:
     """Write a model, have another program load it, and compare torques on random states.
 
     The file appears only after it has passed. Where no other program is at hand it is written
-    all the same, and `verified` says so.
+    all the same, and `verified` says so. A robot that came from a URDF is written as a copy of that
+    file, with its names, limits, visuals and meshes.
 
     Args:
         estimate: What was identified, or its file.
         path: File to write.
         to: One of `FORMATS`.
+        urdf: The robot's own URDF, where it has moved; None for the path at which it was read. A
+            file of its own is written where there is none.
 
     Raises:
-        InputError: An unknown format, or a place where no such file can be.
+        InputError: An unknown format, a URDF of another arm, or a place where no such file can be.
         JobError: A model that the format cannot hold, torques that differ, or a disk that does
             not take the file.
     """
@@ -252,6 +274,11 @@ def write_model(estimate: EstimateLike, path: str | Path, to: str) -> ExportedFi
     path = Path(path)
     model, completed = completed_model(estimate)
     kind = _FORMATS[to]
+    if urdf is not None and to != "urdf":
+        raise InputError("only a URDF can be a copy of one", where="--urdf", value=to, limit="urdf")
+    source = _own_urdf(model.robot, urdf) if to == "urdf" else None
+    if source is not None:
+        kind = replace(kind, text=partial(_copy, source, path), torque=_copy_torque)
     states = random_states(model.robot, verification.STATES, seed=0)
     if kind.held is None and model.presliding is not None:
         # Half of them a few displacements apart: there, friction depends on those before.
@@ -287,11 +314,29 @@ def write_model(estimate: EstimateLike, path: str | Path, to: str) -> ExportedFi
         path=path,
         to=to,
         model=model,
+        source=source,
         verified=verified,
         left_out=missing,
         friction=friction,
         warnings=_warnings(to, model, friction, estimate),
     )
+
+
+def _own_urdf(robot: RobotModel, urdf: str | Path | None) -> Path | None:
+    """The URDF to copy; one that is asked for must be there."""
+    file = Path(urdf or robot.urdf)
+    return file if urdf is not None or (robot.urdf and file.is_file()) else None
+
+
+def _copy(source: Path, output: Path, model: ExportModel, note: str) -> str:
+    return own_urdf_text(model, note, source, output)
+
+
+def _copy_torque(
+    model: ExportModel, path: Path, states: verification.States
+) -> tuple[Array | None, str]:
+    robot = model.robot
+    return verification.urdf_torque(path, states, robot.gravity, robot.joint_names, robot.locked)
 
 
 def _warnings(

@@ -18,8 +18,15 @@ from dynid.recording.dialect import looks_like_text
 from dynid.recording.store import MARK, is_own
 
 _MARKS = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ\x00": "xz", b"\x28\xb5\x2f\xfd": "zstd"}
+_COMPRESSED = (".gz", ".bz2", ".xz", ".zst", ".zstd", ".zip")
 _SHEETS = (".xlsx", ".xlsm", ".xls", ".ods")
 _BLOCK = 1 << 20
+
+
+def recording_name(path: str | Path) -> str:
+    """The name of a recording's file without its endings: `log` for `log.csv.gz`."""
+    path = Path(path)
+    return Path(path.stem).stem if path.suffix.lower() in _COMPRESSED else path.stem
 
 
 def _packing(path: Path) -> str:

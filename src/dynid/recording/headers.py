@@ -214,7 +214,7 @@ def _order(family: Family, home: str | None) -> tuple[bool, bool, bool, bool, in
     return (not family.whole, away, "motor" in words, not known, family.rank)
 
 
-class NotRecognised(RecordError):
+class NotRecognised(UnclearRecordError):
     """A header in which no positions are found."""
 
 

@@ -209,7 +209,7 @@ def _limit(budget: Budget) -> None:
 def _refuse(error: DynidError, answers: IO[bytes]) -> None:
     # Values of other types are shown as they would be in the message.
     shown = {k: None if v is None else in_words(v) for k, v in error.facts.items()}
-    kind = next(name for name in (type(error).__name__, "RecordError") if name in _ERRORS)
+    kind = next(k.__name__ for k in type(error).__mro__ if k.__name__ in _ERRORS)
     answers.write(json.dumps({"error": kind, **shown}).encode() + b"\n")
     answers.flush()
 

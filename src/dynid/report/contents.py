@@ -122,6 +122,8 @@ class ReportContents:
     designs: tuple[ReportedDesign, ...] = ()
     comparisons: tuple[tuple[str, str, ParameterComparison], ...] = ()
     """Labels of two estimates, and what changed between them."""
+    models: tuple[str, ...] = ()
+    """Names of the exported models in the folder."""
     skipped: tuple[tuple[str, str], ...] = ()
     """Files that could not be used, and why."""
 

@@ -154,13 +154,13 @@ def friction_figure(item: ReportedEstimate) -> draw.Figure | None:
                 grid=True,
             )
         )
-    torque, speed = (
-        draw.joint_unit("N.m", robot.prismatic),
-        draw.joint_unit("rad/s", robot.prismatic),
+    torque, speed, viscous = (
+        draw.joint_unit(unit, robot.prismatic) for unit in ("N.m", "rad/s", "N.m.s/rad")
     )
     return draw.Figure(
         title="Friction",
-        note=f"Torque [{torque}] over speed [{speed}]; 95 % intervals of Fc and Fv.",
+        note=f"Torque [{torque}] over speed [{speed}]; 95 % intervals of Fc [{torque}] and "
+        f"Fv [{viscous}].",
         x=draw.Axis(low=-1, high=1, label=f"speed [{speed}]"),
         panels=tuple(panels),
         columns=3,

@@ -91,15 +91,12 @@ def _plots(joints: Sequence[JointState]) -> str:
 
 def _panels(joint: JointState, first_day: float) -> Iterator[draw.Panel]:
     step, low, high = joint.change_percent
-    told = f"{joint.name}: step {step:+.1f} % ({low:+.1f} to {high:+.1f}), p {joint.friction_p:.2g}"
-    for trend, label, title, alarm in (
-        (joint.friction, f"friction [{joint.unit}]", told, bool(joint.alarm)),
-        (
-            joint.control,
-            "torque scale [1]",
-            f"{joint.name}: torque of the inertias, p {joint.control_p:.2g}",
-            joint.alarm == "torque_scale",
-        ),
+    (name,), unit = joint_labels((joint.name,)), joint.unit.replace(".", "·")
+    told = f"step {step:+.1f} % ({low:+.1f} to {high:+.1f}), p {joint.friction_p:.2g}"
+    scale = f"{name}: torque of the inertias [1], p {joint.control_p:.2g}"
+    for trend, title, alarm in (
+        (joint.friction, f"{name}: friction [{unit}], {told}", bool(joint.alarm)),
+        (joint.control, scale, joint.alarm == "torque_scale"),
     ):
         if trend is None:
             yield draw.Panel(
@@ -115,7 +112,7 @@ def _panels(joint: JointState, first_day: float) -> Iterator[draw.Panel]:
         )
         yield draw.Panel(
             marks=marks,
-            y=draw.axis_around(low_end, high_end, label=label),
+            y=draw.axis_around(low_end, high_end),
             title=title,
             height=PLOT_HEIGHT,
         )
@@ -186,7 +183,11 @@ def render(contents: ReportContents) -> str:
     item = contents.estimates[0]
     jinja = require("jinja2", "all")
     environment = jinja.Environment(
-        autoescape=True, undefined=jinja.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        autoescape=True,
+        undefined=jinja.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_signed,
     )
     # Figures escape what they are given themselves.
     environment.filters |= {"drawn": _drawn, "number": draw.number}
@@ -206,6 +207,11 @@ def render(contents: ReportContents) -> str:
         link=figures.TIME,
     )
     return page
+
+
+def _signed(value: object) -> object:
+    """Messages with the sign that not every terminal has; markup as it is."""
+    return value.replace("+-", "±") if type(value) is str else value
 
 
 def write_report(contents: ReportContents, path: str | Path) -> Path:

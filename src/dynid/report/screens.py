@@ -158,7 +158,7 @@ def _precise_words(names: list[str]) -> str:
 
 
 def _bodies(item: ReportedEstimate) -> tuple[str, str, str]:
-    """What the masses of single links rest on, and whether such bodies can exist."""
+    """What the masses of single links rest on, and whether the links are physically consistent."""
     if item.links is None:
         return ("\N{EN DASH}", "links not separated", "")
     n = item.estimate.model.robot.joints
@@ -243,7 +243,7 @@ def _steps(contents: ReportContents, item: ReportedEstimate) -> Iterator[Step]:
     for finding in sorted(item.warnings, key=lambda f: f.severity != "error"):
         if finding.next_step and finding.next_step not in told and finding.severity != "info":
             told.add(finding.next_step)
-            yield Step(do=_sentence(finding.next_step), why=_sentence(finding.text))
+            yield Step(do=_sentence(finding.text), why=_sentence(finding.next_step))
     if item.validation is None and item.shown is not None:
         yield Step(
             do="Validate on another motion.",
@@ -259,10 +259,14 @@ def _steps(contents: ReportContents, item: ReportedEstimate) -> Iterator[Step]:
             )
             break
     if item.level == "usable":
+        named = ", ".join(contents.models)
         yield Step(
-            do="Export the model.",
-            why="C for feed-forward control, MJCF or URDF for simulators.",
-            command=f"dynid export {shlex.quote(item.name)} --to mjcf -o robot.xml",
+            do="Use the model." if named else "Export the model.",
+            why="C for feed-forward control, MJCF or URDF for simulators"
+            + (f"; beside this page: {named}." if named else "."),
+            command=""
+            if named
+            else f"dynid export {shlex.quote(item.name)} --to mjcf -o robot.xml",
         )
 
 

@@ -45,5 +45,7 @@ from dynid.robot.transforms import rotation_z as rotation_z
 from dynid.robot.transforms import tensor as tensor
 from dynid.robot.transforms import to_pseudo_inertia as to_pseudo_inertia
 from dynid.robot.transforms import translation as translation
+from dynid.robot.urdf import UrdfLink as UrdfLink
 from dynid.robot.urdf import robot_from_urdf as robot_from_urdf
+from dynid.robot.urdf import urdf_links as urdf_links
 from dynid.robot.urdf_bodies import urdf_shapes as urdf_shapes

@@ -91,7 +91,7 @@ def _load(name_or_path: str | Path, collision: bool, mesh_dirs: Sequence[Path] =
         )
     data = read_limited(path, MAX_URDF)
     if data.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] == b"<" or path.suffix.lower() == ".urdf":
-        robot = robot_from_urdf(data, where=shown_path(path), stem=path.stem)
+        robot = robot_from_urdf(data, where=shown_path(path), file=path)
         if not collision:
             return robot
         return with_collision_geometry(robot, path, mesh_dirs=mesh_dirs)
@@ -107,6 +107,8 @@ def robot_to_json(robot: RobotModel) -> dict[str, Any]:
     values = cast("dict[str, Any]", plain(robot))
     # What the flange carries is not part of the robot.
     del values["tool"]
+    if not robot.urdf:
+        del values["urdf"]
     return values
 
 
@@ -138,6 +140,7 @@ def robot_from_json(data: Mapping[str, Any]) -> RobotModel:
             bodies=_bodies(data),
             safety=_safety(data.get("safety", {})),
             locked={str(key): float(value) for key, value in data["locked"].items()},
+            urdf=str(data.get("urdf", "")),
         )
     except InputError:
         raise

@@ -265,6 +265,8 @@ class RobotModel:
     """What the reader of the file decided by itself, in words."""
     source: str = ""
     """Where the numbers come from."""
+    urdf: str = ""
+    """Absolute path of the URDF with its joints and links; empty where there is none."""
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)

@@ -250,6 +250,11 @@ def robot_from_toml(
     with located(shown_path(path)):
         top = TomlTable(parse_toml(data), "", "", _TOP)
         robot = _kinematics(top, path)
+        if collision and robot.urdf and not ("body" in top or "capsule" in top):
+            robot = with_collision_geometry(robot, Path(robot.urdf), mesh_dirs=mesh_dirs)
+        if "joint_names" in top:
+            names = top.texts("joint_names", robot.joints)
+            robot = replace(robot, joint_names=names, urdf="")
         sources = [robot.source] if robot.source else []
         for name, (keys, read) in _READERS.items():
             if name in top:
@@ -265,10 +270,6 @@ def robot_from_toml(
         if "frames" in top:
             robot = replace(robot, default_frames=top.text("frames", FRAMES))
         robot = replace(robot, source="; ".join(top.sources("") + sources))
-        if collision and "urdf" in top:
-            tip = top.text("tip") if "tip" in top else None
-            file = path.parent / top.text("urdf")
-            robot = with_collision_geometry(robot, file, tip=tip, mesh_dirs=mesh_dirs)
         return robot
 
 
@@ -287,8 +288,6 @@ def _kinematics(top: TomlTable, path: Path) -> RobotModel:
         robot = _from_urdf(top, path)
     else:
         robot = _from_dh(top, path) if kinds == ["dh"] else _from_joints(top, path)
-    if "joint_names" in top:
-        robot = replace(robot, joint_names=top.texts("joint_names", robot.joints))
     if "urdf_frames" in top:
         table = TomlTable(top.raw("urdf_frames"), "urdf_frames", "", ("xyz", "rpy"))
         xyz, rpy = (table.rows(key, robot.joints, 3) for key in ("xyz", "rpy"))
@@ -313,7 +312,7 @@ def _from_urdf(top: TomlTable, path: Path) -> RobotModel:
     return robot_from_urdf(
         read_limited(file, MAX_URDF),
         where=shown_path(file),
-        stem=file.stem,
+        file=file,
         tip=tip,
         locked=locked,
     )

@@ -5,13 +5,14 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from dynid.core import Array, RobotError, printable
 from dynid.robot.kinematics import robot_from_chain
 from dynid.robot.model import JointLimits, RobotModel
-from dynid.robot.tables import located
+from dynid.robot.tables import located, read_limited, shown_path
 from dynid.robot.transforms import is_physical, joint_motion, move, to_pseudo_inertia
 from dynid.robot.urdf_xml import MOVING, UrdfJoint, UrdfTree, parse_urdf
 
@@ -246,7 +247,7 @@ def robot_from_urdf(
     data: bytes,
     *,
     where: str = "URDF",
-    stem: str = "robot",
+    file: Path | None = None,
     tip: str | None = None,
     locked: Mapping[str, float] | None = None,
 ) -> RobotModel:
@@ -259,7 +260,7 @@ def robot_from_urdf(
     Args:
         data: The text's bytes.
         where: The file's name, for errors.
-        stem: The robot's name if the text gives none.
+        file: The text's file, which names the robot if the text does not.
         tip: The link to which the arm leads; None to follow the trunk of the tree.
         locked: Joints to freeze, and where [rad or m].
 
@@ -275,7 +276,7 @@ def robot_from_urdf(
     placements = np.array([poses[joint.parent] @ joint.origin for joint in joints])
     with located(where):
         robot = robot_from_chain(
-            name=tree.name or printable(stem),
+            name=tree.name or printable(file.stem if file else "robot"),
             joint_names=trunk.joints,
             joint_types=["prismatic" if j.kind == "prismatic" else "revolute" for j in joints],
             placements=placements,
@@ -289,8 +290,78 @@ def robot_from_urdf(
             lower=lower, upper=upper, velocity=velocity, acceleration=unknown, torque=effort
         )
         return replace(
-            robot, limits=limits, inertias=inertias, locked=trunk.locked, source=f"URDF {where}"
+            robot,
+            limits=limits,
+            inertias=inertias,
+            locked=trunk.locked,
+            source=f"URDF {where}",
+            urdf=str(file.absolute()) if file else "",
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UrdfLink:
+    """One link of a URDF, and what moves it."""
+
+    name: str
+    joint: int
+    """0 for the base, i for what joint i of the robot moves."""
+    frame: Array
+    """(4, 4) the link's frame in that joint's frame [m]."""
+    hinged: bool
+    """Whether a joint that the robot has frozen lies between the two, as for a finger."""
+    inertia: Array | None
+    """(10) parameters about the link's own frame; None where the file gives none."""
+
+
+def urdf_links(robot: RobotModel, file: Path) -> list[UrdfLink]:
+    """All links of a robot's URDF, parents before children.
+
+    Raises:
+        RobotError: The file cannot be read, is not a sound URDF, or is of an arm with other joints
+            or lengths.
+    """
+    where = shown_path(file)
+    tree = parse_urdf(read_limited(file, MAX_BYTES), where)
+    lost = [name for name in robot.joint_names if name not in tree.joints]
+    if lost:
+        raise RobotError(
+            "the file has not all joints of the robot",
+            where=where,
+            value=_listed(lost),
+            limit=_listed(list(tree.joints)),
+            next_step="Give the URDF of the robot that was identified.",
+        )
+    trunk = Trunk(joints=robot.joint_names, tip="", locked=dict(robot.locked), notes=())
+    poses, carriers = place_links(tree, trunk)
+    hinged = {tree.root: False}
+    for joint in tree.downward():
+        loose = joint.kind != "fixed" or hinged[joint.parent]
+        hinged[joint.child] = loose and joint.name not in robot.joint_names
+    for k, name in enumerate(robot.joint_names):
+        joint = tree.joints[name]
+        same = (
+            carriers[joint.parent] == k
+            and np.allclose(poses[joint.parent] @ joint.origin, robot.placements[k], atol=1e-9)
+            and np.allclose(joint.axis, robot.axes[k], atol=1e-9)
+        )
+        if not same:
+            raise RobotError(
+                "the joint stands elsewhere than that of the robot that was identified",
+                where=where,
+                value=printable(name),
+                next_step="Give the URDF of that robot, or identify again with this one.",
+            )
+    return [
+        UrdfLink(
+            name=name,
+            joint=carriers[name],
+            frame=poses[name],
+            hinged=hinged[name],
+            inertia=tree.links[name],
+        )
+        for name in [tree.root, *(joint.child for joint in tree.downward())]
+    ]
 
 
 def place_links(tree: UrdfTree, trunk: Trunk) -> tuple[dict[str, Array], dict[str, int]]:

@@ -18,8 +18,8 @@ from dynid.core import Array, Indices, MissingExtraError, RobotError, printable
 from dynid.robot.body import Body, around_triangles, box_points, cylinder_points, read_mesh
 from dynid.robot.model import RobotModel
 from dynid.robot.tables import read_limited, shown_path
-from dynid.robot.urdf import MAX_BYTES, find_trunk, place_links
-from dynid.robot.urdf_xml import parse_root, parse_urdf, read_number, read_origin, read_vector
+from dynid.robot.urdf import MAX_BYTES, urdf_links
+from dynid.robot.urdf_xml import parse_root, read_number, read_origin, read_vector
 
 
 class _NoMesh(RobotError):
@@ -104,26 +104,24 @@ class UrdfShape:
 
 
 def with_collision_geometry(
-    robot: RobotModel, path: Path, *, tip: str | None = None, mesh_dirs: Sequence[Path] = ()
+    robot: RobotModel, path: Path, *, mesh_dirs: Sequence[Path] = ()
 ) -> RobotModel:
     """The robot with bodies that hold the `collision` elements of its URDF.
 
-    A robot with bodies is returned as it is. Of what a joint moves without any such element, the
-    `visual` elements are held: a note says so. Meshes are looked for in further folders too; there
-    is a body note for every element that was left out.
+    Of what a joint moves without any such element, the `visual` elements are held: a note says so.
+    Meshes are looked for in further folders too; there is a body note for every element that was
+    left out.
 
     Raises:
         RobotError: The file is not the robot's.
     """
-    if robot.bodies:
-        return robot
     found: list[Body] = []
     notes: list[str] = []
     unread: list[str] = []
     lost: list[tuple[str, str]] = []
     count = Counter[str]()
     shapes, seen = (
-        list(urdf_shapes(robot, path, kind, tip=tip, mesh_dirs=mesh_dirs))
+        list(urdf_shapes(robot, path, kind, mesh_dirs=mesh_dirs))
         for kind in ("collision", "visual")
     )
     given = {item.link for item in shapes}
@@ -155,12 +153,7 @@ def with_collision_geometry(
 
 
 def urdf_shapes(
-    robot: RobotModel,
-    path: Path,
-    kind: str,
-    *,
-    tip: str | None = None,
-    mesh_dirs: Sequence[Path] = (),
+    robot: RobotModel, path: Path, kind: str, *, mesh_dirs: Sequence[Path] = ()
 ) -> Iterator[UrdfShape]:
     """The elements `collision` or `visual` of a robot's URDF that have a geometry.
 
@@ -168,25 +161,21 @@ def urdf_shapes(
         robot: The robot.
         path: Its URDF.
         kind: The name of the elements.
-        tip: The link to which the arm leads; None to find it.
         mesh_dirs: Further folders where meshes are looked for.
 
     Raises:
         RobotError: The file is not the robot's.
     """
-    where = shown_path(path)
-    data = read_limited(path, MAX_BYTES)
-    tree = parse_urdf(data, where)
-    poses, carriers = place_links(tree, find_trunk(tree, where, tip=tip, locked=robot.locked))
-    for link in parse_root(data, where).iterfind("link"):
+    links = {link.name: link for link in urdf_links(robot, path)}
+    for link in parse_root(read_limited(path, MAX_BYTES), shown_path(path)).iterfind("link"):
         name = (link.get("name") or "").strip()
         for k, element in enumerate(link.iterfind(kind), start=1):
             geometry = element.find("geometry")
             if geometry is not None and len(geometry):
                 yield UrdfShape(
                     name=printable(name, 40),
-                    link=carriers[name],
-                    frame=poses[name],
+                    link=links[name].joint,
+                    frame=links[name].frame,
                     element=element,
                     shape=geometry[0],
                     where=f"link {printable(name, 40)}: {kind} {k}",

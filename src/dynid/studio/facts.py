@@ -16,7 +16,7 @@ from dynid.constraints import DISTANCES, HALF_SPACE, RATIOS, Worst, prior_dynami
 from dynid.core import Array, Indices, InputError, plain, printable
 from dynid.export import roll_pitch_yaw
 from dynid.recording import ExperimentRecord
-from dynid.report import ReportedEstimate
+from dynid.report import ReportedEstimate, joint_labels
 from dynid.robot import RobotModel
 from dynid.studio.jobs import LEVELS
 from dynid.studio.scene_editing import Near, SceneEditor
@@ -70,7 +70,7 @@ def robot(
     widest = np.where(model.prismatic, 2.0, 2 * np.pi)
     return {
         "name": printable(model.name),
-        "joints": [_title(name) for name in model.joint_names],
+        "joints": list(joint_labels(model.joint_names)),
         "prismatic": [bool(slides) for slides in model.prismatic],
         "lower": np.where(np.isfinite(low), low, -widest).tolist(),
         "upper": np.where(np.isfinite(high), high, widest).tolist(),
@@ -274,12 +274,6 @@ def _group(kind: str, slides: bool, name: str, values: Array) -> dict[str, Any]:
     return {"title": title, "unit": unit, "series": [_series(name, values)]}
 
 
-def _title(name: str) -> str:
-    """A joint's name as people read it."""
-    words = printable(name.removesuffix("_joint").replace("_", " "), 24)
-    return words[:1].upper() + words[1:]
-
-
 PARAMETERS = 60
 """Most parameters of an estimate that are listed."""
 CONFIDENCE = 1.96
@@ -295,7 +289,7 @@ def judged_estimates(folder: Path, output: Path | None) -> list[dict[str, Any]]:
 
 def _facts(item: ReportedEstimate) -> dict[str, Any]:
     estimate = item.estimate
-    names = estimate.model.robot.joint_names
+    robot = estimate.model.robot
     found: dict[str, Any] = {
         "name": printable(item.name, 120),
         "level": LEVELS[item.level],
@@ -321,8 +315,13 @@ def _facts(item: ReportedEstimate) -> dict[str, Any]:
     error = np.sqrt(np.mean((shown.measured - shown.predicted) ** 2, axis=0))
     size = np.sqrt(np.mean(shown.measured**2, axis=0))
     found["joints"] = [
-        {"name": printable(name), "error": plain(float(error[j])), "torque": plain(float(size[j]))}
-        for j, name in enumerate(names)
+        {
+            "name": name,
+            "error": plain(float(error[j])),
+            "torque": plain(float(size[j])),
+            "unit": "N" if robot.prismatic[j] else "N·m",
+        }
+        for j, name in enumerate(joint_labels(robot.joint_names))
     ]
     found["basis"] = "the recording it was made from" if own else "another recording"
     start = estimate.settings.start_s if own else None

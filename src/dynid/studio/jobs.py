@@ -369,7 +369,7 @@ def _import(job: Job, talk: ParentTalk) -> dict[str, Any]:
 
     talk.progress("read the log", 0.1)
     result = import_recording([job.source], job.output, robot=job.options["robot"]).to_json()
-    problems = [str(item) for item in result["problems"]]
+    problems = [item["message"] for item in result["problems"]]
     words = ". ".join([f"{result['samples']} samples at {result['rate_hz']:.4g} Hz", *problems])
     return result | {"words": words, "level": "warn" if problems else "good"}
 

@@ -14,6 +14,7 @@ import numpy as np
 from dynid.core import DynidError, InputError, JobError, JsonFields, printable
 from dynid.excitation import CRITERIA
 from dynid.export import roll_pitch_yaw, write_model
+from dynid.recording import recording_name
 from dynid.robot import from_xyz_rpy
 from dynid.studio import facts
 from dynid.studio.facts import judged_estimates
@@ -73,7 +74,7 @@ class Page:
     def _open(self, opened: Opened) -> None:
         self.session = Session(opened)
         self.notes = [f"{name}: {why}" for name, why in opened.skipped]
-        self.meshes = robot_meshes(opened.robot, opened.reference, self.notes)
+        self.meshes = robot_meshes(opened.robot, self.notes)
         self._results_known: list[dict[str, Any]] = []
         self._opening = time.monotonic_ns()
 
@@ -223,7 +224,7 @@ class Page:
         if suffix == ".parquet":
             with contextlib.suppress(DynidError):
                 return f"{session.open(path)} is open"
-        name = free_name(session.folder, f"{path.stem}.parquet")
+        name = free_name(session.folder, f"{recording_name(path)}.parquet")
         self._start("import", path, name, {"robot": session.reference})
         return f"{path.name} is read"
 
@@ -340,7 +341,7 @@ class Page:
             raise InputError("choose an estimate and a format", value=to, limit=", ".join(EXPORTS))
         name = free_name(session.folder, f"{path.stem}{EXPORTS[to]}")
         made = write_model(path, session.folder / name, to)
-        notes = [printable(str(item), 300) for item in made.to_json()["warnings"]]
+        notes = [printable(item.message, 300) for item in made.warnings]
         return {"words": ". ".join([f"written: {name}", *notes])}
 
     def _follow(self, job: Supervisor, state: JobState, clock: float) -> None:

@@ -33,7 +33,7 @@ SHORTEST_TOKEN = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Door:
+class AccessPolicy:
     """The rules of one page."""
 
     host: str
@@ -63,7 +63,7 @@ class Ruling:
     """Value of `Set-Cookie`."""
 
 
-def make_door(host: str, token: str | None) -> Door:
+def access_policy(host: str, token: str | None) -> AccessPolicy:
     """The rules for an address (`localhost` is 127.0.0.1) and a token; None to make one up.
 
     Raises:
@@ -82,22 +82,22 @@ def make_door(host: str, token: str | None) -> Door:
             limit=f"{SHORTEST_TOKEN} or more letters, digits, - and _",
             next_step="Leave it out, and one is generated.",
         )
-    return Door(host=str(address), token=token or secrets.token_urlsafe(24))
+    return AccessPolicy(host=str(address), token=token or secrets.token_urlsafe(24))
 
 
-def rule(door: Door, port: int, path: str, headers: Mapping[str, str]) -> Ruling:
+def rule(policy: AccessPolicy, port: int, path: str, headers: Mapping[str, str]) -> Ruling:
     """Whether a request to a port may pass: its path with the query, its headers in lower case."""
     host = headers.get("host", "")
     origin = headers.get("origin")
     if origin is not None and _parts(origin).netloc != host:
         return Ruling(403, "a page of another site asked")
-    if door.loopback and not _names_this_machine(host):
+    if policy.loopback and not _names_this_machine(host):
         return Ruling(403, "the address is not one of this machine")
     name = cookie_name(port)
     given = parse_qs(_parts(path).query).get("token", [""])[0]
-    if _same(given, door.token):
-        return Ruling(303, cookie=f"{name}={door.token}; HttpOnly; SameSite=Lax; Path=/")
-    if _same(_cookie(headers.get("cookie", ""), name), door.token):
+    if _same(given, policy.token):
+        return Ruling(303, cookie=f"{name}={policy.token}; HttpOnly; SameSite=Lax; Path=/")
+    if _same(_cookie(headers.get("cookie", ""), name), policy.token):
         return Ruling(200)
     return Ruling(403, "open the whole address that dynid studio printed, with its token")
 
@@ -167,10 +167,10 @@ _NICE = 10
 
 
 class Server(ThreadingHTTPServer):
-    """One page behind its door.
+    """One page and its access policy.
 
     Args:
-        door: Who may come in.
+        policy: Who has access.
         port: Where to listen; None for the usual port or the next free one, 0 for any.
         page: What is served.
 
@@ -181,22 +181,22 @@ class Server(ThreadingHTTPServer):
     daemon_threads = True
     allow_reuse_address = True
 
-    def __init__(self, door: Door, port: int | None, page: Page) -> None:
-        self.address_family = socket.AF_INET6 if ":" in door.host else socket.AF_INET
-        self.door, self.page = door, page
+    def __init__(self, policy: AccessPolicy, port: int | None, page: Page) -> None:
+        self.address_family = socket.AF_INET6 if ":" in policy.host else socket.AF_INET
+        self.policy, self.page = policy, page
         self.closing = threading.Event()
         first = DEFAULT_PORT if port is None else port
         failure: Exception | None = None
         for candidate in range(first, first + (51 if port is None else 1)):
             try:
-                super().__init__((door.host, candidate), _Visit)
+                super().__init__((policy.host, candidate), _Visit)
                 return
             except (OSError, OverflowError) as error:
                 failure = error
         raise InputError(
             f"cannot listen there: {getattr(failure, 'strerror', None) or failure}",
             where="--host, --port",
-            value=f"{door.host}:{first}",
+            value=f"{policy.host}:{first}",
         ) from failure
 
     @property
@@ -279,7 +279,7 @@ class _Visit(BaseHTTPRequestHandler):
 
     def _may_enter(self) -> bool:
         headers = {name.lower(): value for name, value in self.headers.items()}
-        ruling = rule(self._site.door, self._site.port, self.path, headers)
+        ruling = rule(self._site.policy, self._site.port, self.path, headers)
         if ruling.status == HTTPStatus.OK:
             return True
         more: dict[str, str] = {}
@@ -374,19 +374,19 @@ def serve(
     Raises:
         InputError: Nothing to show, or an address that cannot be listened on.
     """
-    door = make_door(host, token)
+    policy = access_policy(host, token)
     # What is shown is read before anybody can come in.
     page = Page(open_path(path, robot=robot))
-    server = Server(door, port, page)
+    server = Server(policy, port, page)
     server.start()
     try:
         ready(
             Served(
-                url=door.url(server.port),
-                host=door.host,
+                url=policy.url(server.port),
+                host=policy.host,
                 port=server.port,
                 robot=page.session.robot.name,
-                local=door.loopback,
+                local=policy.loopback,
             )
         )
         page.run(stop)

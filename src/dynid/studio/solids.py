@@ -152,15 +152,14 @@ def shape_mesh(shape: Shape) -> tuple[Array, Indices]:
     return body_of(replace(shape, pose=np.eye(4))).surface()
 
 
-def robot_meshes(robot: RobotModel, reference: str, notes: list[str]) -> tuple[LinkMesh, ...]:
+def robot_meshes(robot: RobotModel, notes: list[str]) -> tuple[LinkMesh, ...]:
     """What to draw of a robot: a URDF's `visual` elements where they can be read, else its bodies.
 
     The notes get what cannot be drawn.
     """
-    path = Path(reference)
-    if path.suffix.lower() == ".urdf" and path.is_file():
+    if robot.urdf:
         try:
-            found = tuple(_visual_meshes(robot, path, notes))
+            found = tuple(_visual_meshes(robot, notes))
         except DynidError as error:
             # The file was good enough for a robot; what is only to be looked at may be broken.
             notes.append(f"not drawn: {error}")
@@ -170,9 +169,9 @@ def robot_meshes(robot: RobotModel, reference: str, notes: list[str]) -> tuple[L
     return arm_skins(robot)
 
 
-def _visual_meshes(robot: RobotModel, path: Path, notes: list[str]) -> Iterator[LinkMesh]:
+def _visual_meshes(robot: RobotModel, notes: list[str]) -> Iterator[LinkMesh]:
     """The `visual` elements of a URDF, in the joint frames of the robot's links."""
-    for item in urdf_shapes(robot, path, "visual"):
+    for item in urdf_shapes(robot, Path(robot.urdf), "visual"):
         try:
             vertices, faces = item.surface()
         except DynidError as error:

@@ -55,7 +55,7 @@ def robot_hash(robot: RobotModel) -> str:
     """What a robot is, its collision bodies and limits included; its tool stands by itself."""
     facts = robot_to_json(robot)
     # Where numbers come from may change; twelve digits survive another machine's rounding.
-    return content_hash({k: facts[k] for k in facts if k not in ("source", "notes")}, 12)
+    return content_hash({k: facts[k] for k in facts if k not in ("source", "notes", "urdf")}, 12)
 
 
 def _digest_of(

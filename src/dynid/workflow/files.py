@@ -21,6 +21,7 @@ from dynid.recording import (
     local_files,
     open_any,
     open_record,
+    recording_name,
     write_record,
 )
 from dynid.robot import RobotLike, load_robot
@@ -29,7 +30,7 @@ from dynid.signals import ProcessingSettings, rows_of, survey, window
 from dynid.validation import ValidationResult, refit_friction, samples_of, validate
 from dynid.workflow.identify import Identification, Verdict, identify, verdict
 from dynid.workflow.recordings import known_gains, of_robot, robot_of
-from dynid.workflow.reporting import report
+from dynid.workflow.reporting import MODELS, report
 
 
 def identify_files(
@@ -152,8 +153,6 @@ def validate_files(
     return validate(known, record, start_s=start_s, stop_s=stop_s)
 
 
-MODELS = {"urdf": "model.urdf", "mjcf": "model.xml", "c": "model.h"}
-"""The models that are written, by format."""
 ESTIMATE = "estimate.json"
 REPORT = "report.html"
 
@@ -234,7 +233,7 @@ def fit(
     others = [] if validation is None else [validation]
     for k, log in enumerate([*given, *others]):
         kind = "validation" if k >= len(given) else f"log{k + 1}" if len(given) > 1 else "log"
-        name = "" if isinstance(log, ExperimentRecord) else Path(log).stem
+        name = "" if isinstance(log, ExperimentRecord) else recording_name(log)
         tell(f"read {name or kind}", 0.1 * k / (len(given) + 1))
         record, source = known_gains(open_record(log, model, gains), model)
         records.append(record)

@@ -196,7 +196,7 @@ def _missing(recordings: Sequence[FleetRecording]) -> list[Finding]:
             kind,
             f"{len(names)} recordings have no {what}: {', '.join(names[:3])}",
             value=float(len(names)),
-            next_step=f"Give it in {MANIFEST} ({','.join(COLUMNS)})",
+            next_step=f"give it in {MANIFEST} ({','.join(COLUMNS)})",
         )
         for kind, what, names in (
             ("another_robot", "name of a robot, and are taken as one robot", unnamed),
@@ -207,17 +207,13 @@ def _missing(recordings: Sequence[FleetRecording]) -> list[Finding]:
     ]
     dated = [one for one in recordings if not np.isnan(one.time_s)]
     known = {name: len(group) for name, group in _by_robot(dated).items()}
-    few = sorted(
-        {
-            one.robot
-            for one in recordings
-            if known.get(one.robot, 0) < identification.LEAST_RECORDINGS
-        }
-    )
+    least = identification.LEAST_RECORDINGS
+    rare = [one for one in recordings if known.get(one.robot, 0) < least]
+    few = sorted({one.robot or f"{one.model} without a name" for one in rare})
     if few:
         text = (
-            f"{len(few)} robots have fewer than {identification.LEAST_RECORDINGS} recordings with "
-            f"a time, and no trends: {', '.join(few[:3])}"
+            f"robots with fewer than {least} recordings with a time have "
+            f"no trends: {', '.join(few[:3])}{f' and {len(few) - 3} more' if few[3:] else ''}"
         )
         found.append(Finding("not_diagnosed", text, value=float(len(few))))
     return found
@@ -320,10 +316,11 @@ def _alarm(joint: identification.JointState) -> Finding:
     step, low, high = joint.change_percent
     friction, control = joint.friction, joint.control
     if joint.alarm == "friction_drift" and friction is not None:
+        since = _moment(float(friction.time_s[friction.step_at]))
         return Finding(
             "friction_drift",
             f"{joint.robot}, {joint.name}: friction changed by {step:+.1f} % ({low:+.1f} to "
-            f"{high:+.1f}) about {_iso_time(float(friction.time_s[friction.step_at]))}, "
+            f"{high:+.1f}) about {since:%Y-%m-%d %H:%M} UTC, "
             f"p {joint.friction_p:.2g}; the inertias did not",
             joints=(joint.joint,),
             value=step,

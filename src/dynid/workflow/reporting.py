@@ -44,6 +44,8 @@ from dynid.workflow.design_files import StoredDesign, read_design
 from dynid.workflow.identify import Identification, over_fitted, verdict
 from dynid.workflow.running import truth_path
 
+MODELS = {"urdf": "model.urdf", "mjcf": "model.xml", "c": "model.h"}
+"""What `dynid fit` calls the models that it writes, by format."""
 SAMPLES = 200
 KINDS = ("torque", "tcp_speed", "elbow_speed", "momentum", "power")
 FACTS = {
@@ -328,6 +330,7 @@ def report(
         estimates=tuple(estimates),
         designs=tuple(found.designs),
         comparisons=compared,
+        models=tuple(name for name in MODELS.values() if (folder / name).exists()),
         skipped=(
             *found.skipped,
             *((name, "too many estimates") for name in list(found.estimates)[MOST_ESTIMATES:]),

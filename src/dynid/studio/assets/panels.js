@@ -123,7 +123,9 @@ function margin(one) {
 
 // Progress of the job, and the words that it ended with.
 function jobView(app, kinds) {
-  const job = app.state.job, own = job && kinds.includes(job.kind);
+  // A log may be dropped in any step: that it cannot be read is shown in all of them.
+  const job = app.state.job;
+  const own = job && (kinds.includes(job.kind) || (job.kind === "import" && (!job.ended || job.level === "bad")));
   const words = app.words || (own && job.ended ? { text: job.words, level: job.level } : null);
   const facts = [words, own && !job.ended && [job.kind, job.ask, job.stopping], app.step, fresh(app, "design")];
   const node = region("job", facts, () => {
@@ -344,7 +346,7 @@ function verdict(item) {
     h("p", { class: `verdict ${item.level}`, text: item.headline }),
     ...item.warnings.map((text) => h("p", { class: "hint", text })),
     joints.length ? h("table", {}, h("thead", {}, h("tr", {}, h("th", { text: "Joint" }), h("th", { text: "Error RMS" }), h("th", { text: "of torque" }))),
-      h("tbody", {}, ...joints.map((j) => h("tr", {}, h("td", { text: j.name }), h("td", { text: `${number(j.error)} N·m` }), h("td", { text: j.torque ? `${(100 * j.error / j.torque).toFixed(1)} %` : "–" }))))) : "",
+      h("tbody", {}, ...joints.map((j) => h("tr", {}, h("td", { text: j.name }), h("td", { text: `${number(j.error)} ${j.unit}` }), h("td", { text: j.torque ? `${(100 * j.error / j.torque).toFixed(1)} %` : "–" }))))) : "",
     joints.length ? h("p", { class: "hint", text: `Predicted: ${item.basis}.` }) : "",
     h("details", {}, h("summary", { text: `Parameters (${item.parameters.length})` }), h("table", {}, h("tbody", {}, ...item.parameters.map((p) =>
       h("tr", {}, h("td", { text: p.expression || p.name, title: p.name }), h("td", { text: `${number(p.value)} ± ${number(p.interval)} ${p.unit}` })))))),

@@ -7,7 +7,7 @@ const ROW = 31, AXIS = 34, LEFT = 4, RIGHT = 10;
 export const digits = (x) => {
   const size = Math.abs(x);
   const text = x.toFixed(size >= 100 ? 0 : size >= 10 ? 1 : 2);
-  return text.replace("-", "−");
+  return /[1-9]/.test(text) ? text.replace("-", "−") : text.replace("-", "");
 };
 
 // The index of the last time that is not after t.

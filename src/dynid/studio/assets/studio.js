@@ -105,7 +105,7 @@ async function follow(state) {
     frameArm();
   }
   followRun(state, old);
-  if (!app.step) app.step = first(state);
+  if (!app.step || (old && old.opened !== state.opened)) app.step = first(state);
   advance(state, old);
   arrange();
   render();
@@ -327,8 +327,9 @@ function go(step) {
 }
 function stop() {
   app.playing = false;
-  if (app.state.job && !app.state.job.ended) act("stop");
-  changed();
+  // Before the first answer of the server nobody knows what runs.
+  if (!app.state || (app.state.job && !app.state.job.ended)) act("stop");
+  if (app.state) changed();
 }
 
 // What the curves show.
@@ -346,12 +347,13 @@ function arrange() {
 
 function plotHead() {
   const searching = app.state.job && app.state.job.kind === "design" && !app.state.job.ended;
-  const key = JSON.stringify([app.playing, Boolean(app.live), app.motion && app.motionName, app.group && app.group.title, searching, app.speed]);
+  const names = app.group ? app.group.series.map((s) => s.name) : [];
+  const key = JSON.stringify([app.playing, Boolean(app.live), app.motion && app.motionName, app.group && app.group.title, names, searching, app.speed]);
   if (key === plotHead.key) return;
   plotHead.key = key;
   $("rows").hidden = Boolean(searching);
   if (searching || !app.group) return $("plothead").replaceChildren(h("h3", { text: searching ? "Search" : "" }));
-  const titles = app.motion.groups.map((g) => g.title), names = app.group.series.map((s) => s.name);
+  const titles = app.motion.groups.map((g) => g.title);
   if (app.live && !names.includes("measured")) names.unshift("measured");
   const focus = document.activeElement && document.activeElement.id;
   $("plothead").replaceChildren(
@@ -452,15 +454,16 @@ async function drag(position, letGo) {
 function listen() {
   addEventListener("keydown", (e) => {
     if (e.key === "Escape") return stop();
-    const typing = /INPUT|SELECT|BUTTON|SUMMARY/.test(e.target.tagName);
+    const typing = /INPUT|SELECT/.test(e.target.tagName), pressing = /BUTTON|SUMMARY/.test(e.target.tagName);
     if (typing || !app.step || e.ctrlKey || e.metaKey || e.altKey) return;
+    if (e.key === " " && pressing) return;
     if (e.key === " ") togglePlay();
     else if ("1234".includes(e.key)) go(Object.keys(steps)[Number(e.key) - 1]);
     else return;
     e.preventDefault();
   });
   $("stop").addEventListener("click", stop);
-  $("primary").addEventListener("click", () => steps[app.step].act(app));
+  $("primary").addEventListener("click", () => app.step && steps[app.step].act(app));
   let over = 0;
   addEventListener("dragenter", (e) => {
     e.preventDefault();

@@ -9,7 +9,7 @@ import pytest
 
 from dynid.core import InputError
 from dynid.studio.page import Page
-from dynid.studio.server import Server, cookie_name, make_door, rule
+from dynid.studio.server import Server, access_policy, cookie_name, rule
 from dynid.studio.session import open_path
 
 TOKEN = "correct-horse-battery"
@@ -18,13 +18,13 @@ KNOWN = HOME | {"cookie": f"{cookie_name(8080)}={TOKEN}"}
 
 
 def test_nobody_comes_in_without_a_token() -> None:
-    assert make_door("localhost", None).host == "127.0.0.1"
+    assert access_policy("localhost", None).host == "127.0.0.1"
     for host in ("127.0.0.1", "::1", "0.0.0.0", "192.168.0.7", "::"):
-        first, second = make_door(host, None).token, make_door(host, None).token
+        first, second = access_policy(host, None).token, access_policy(host, None).token
         assert len(first) >= 24
         assert first != second
-        assert make_door(host, TOKEN).url(8080).endswith(f":8080/?token={TOKEN}")
-    assert rule(make_door("127.0.0.1", None), 8080, "/", HOME).status == 403
+        assert access_policy(host, TOKEN).url(8080).endswith(f":8080/?token={TOKEN}")
+    assert rule(access_policy("127.0.0.1", None), 8080, "/", HOME).status == 403
 
 
 @pytest.mark.parametrize(
@@ -32,49 +32,49 @@ def test_nobody_comes_in_without_a_token() -> None:
 )
 def test_tokens_that_can_be_guessed_or_break_a_cookie_are_refused(token: str) -> None:
     with pytest.raises(InputError, match="token"):
-        make_door("0.0.0.0", token)
+        access_policy("0.0.0.0", token)
 
 
 def test_what_is_no_address_is_refused() -> None:
     for host in ("", "example.org", "999.1.1.1", "127.0.0.1:80"):
         with pytest.raises(InputError, match="address"):
-            make_door(host, None)
+            access_policy(host, None)
 
 
 def test_pages_of_other_sites_may_not_ask() -> None:
-    door = make_door("127.0.0.1", TOKEN)
-    assert rule(door, 8080, "/", KNOWN).status == 200
+    policy = access_policy("127.0.0.1", TOKEN)
+    assert rule(policy, 8080, "/", KNOWN).status == 200
     own = KNOWN | {"origin": "http://127.0.0.1:8080"}
-    assert rule(door, 8080, "/", own).status == 200
+    assert rule(policy, 8080, "/", own).status == 200
     for origin in ("http://evil.example", "null", "http://127.0.0.1:9", "https://x@127.0.0.1"):
-        assert rule(door, 8080, "/", KNOWN | {"origin": origin}).status == 403
+        assert rule(policy, 8080, "/", KNOWN | {"origin": origin}).status == 403
     # A name of the attacker's that was made to point at this machine.
     for host in ("evil.example:8080", "127.0.0.1.evil.example", "", "[::1"):
-        found = rule(door, 8080, "/", {"host": host, "origin": f"http://{host}"})
+        found = rule(policy, 8080, "/", {"host": host, "origin": f"http://{host}"})
         assert found.status == 403
 
 
 def test_the_token_opens_once_and_the_cookie_after_it() -> None:
-    door = make_door("0.0.0.0", TOKEN)
+    policy = access_policy("0.0.0.0", TOKEN)
     far = {"host": "10.0.0.5:8080"}
-    assert rule(door, 8080, "/", far).status == 403
-    assert rule(door, 8080, "/?token=wrong", far).status == 403
-    opened = rule(door, 8080, f"/?token={TOKEN}", far)
+    assert rule(policy, 8080, "/", far).status == 403
+    assert rule(policy, 8080, "/?token=wrong", far).status == 403
+    opened = rule(policy, 8080, f"/?token={TOKEN}", far)
     assert (opened.status, opened.cookie is not None) == (303, True)
     assert "HttpOnly" in str(opened.cookie)
     cookie = f"other=1; {cookie_name(8080)}={TOKEN}"
-    assert rule(door, 8080, "/", far | {"cookie": cookie}).status == 200
-    assert rule(door, 8081, "/", far | {"cookie": cookie}).status == 403
+    assert rule(policy, 8080, "/", far | {"cookie": cookie}).status == 200
+    assert rule(policy, 8081, "/", far | {"cookie": cookie}).status == 403
     wrong = f"{cookie_name(8080)}={TOKEN}x"
-    assert rule(door, 8080, "/", far | {"cookie": wrong}).status == 403
+    assert rule(policy, 8080, "/", far | {"cookie": wrong}).status == 403
     foreign = far | {"cookie": cookie, "origin": "http://evil.example"}
-    assert rule(door, 8080, "/", foreign).status == 403
+    assert rule(policy, 8080, "/", foreign).status == 403
 
 
 @pytest.fixture(scope="module")
 def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    folder = tmp_path_factory.mktemp("door")
-    server = Server(make_door("127.0.0.1", TOKEN), 0, Page(open_path(str(folder), robot="ur5")))
+    folder = tmp_path_factory.mktemp("policy")
+    server = Server(access_policy("127.0.0.1", TOKEN), 0, Page(open_path(str(folder), robot="ur5")))
     server.start()
     yield server
     server.page.close()
@@ -170,7 +170,7 @@ def test_a_body_without_or_with_too_great_a_length_is_refused(guarded: Server) -
 
 def test_a_port_that_is_taken_is_said_at_once(guarded: Server) -> None:
     with pytest.raises(InputError, match="cannot listen"):
-        Server(make_door("127.0.0.1", None), guarded.port, guarded.page)
+        Server(access_policy("127.0.0.1", None), guarded.port, guarded.page)
     # An address that no machine on earth has (documentation only, RFC 5737).
     with pytest.raises(InputError, match="cannot listen"):
-        Server(make_door("192.0.2.1", None), 0, guarded.page)
+        Server(access_policy("192.0.2.1", None), 0, guarded.page)
