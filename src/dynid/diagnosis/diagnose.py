@@ -338,7 +338,11 @@ def _signals(
         found.insert(0, Finding("commanded", text, next_step=step))
     found += kinds
     noise = np.square(np.diff(rec.average(error.T), axis=1)).mean(axis=1) / 2
-    beyond = np.maximum(np.square(explained.left) - noise, 0.0)
+    left = np.square(explained.left)
+    if touched:
+        # A contact is no fault of the model.
+        left = np.square(error[~rows_of(touched, rec.t)]).mean(axis=0)
+    beyond = np.maximum(left - noise, 0.0)
     share = float(np.sqrt(beyond.sum() / np.square(torque).sum()))
     if share > UNEXPLAINED:
         text = (

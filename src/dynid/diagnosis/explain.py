@@ -40,6 +40,10 @@ factor over none [nats]."""
 BY_CHANCE = 0.01
 """... and the chance (Student's t of the blocks left out) by which one of its sizes is that large
 where there is none."""
+LINEAR = frozenset({"drive_gain", "gain_all"})
+"""Kinds of which the first order is the whole."""
+SLOW = 0.05
+"""Share of a joint's usual top speed below which its row is slow."""
 WORTH_A_LOOK, LOOKS = 4.0, 8
 """Drop of the negative log likelihood from which a rival gets its own fit, and how many do."""
 WHOLE_LIKELY, OFFSET_LIKELY = 24.0, 40.0
@@ -269,16 +273,28 @@ def _confirmed(
     best: Scored,
     found: list[Explanation],
 ) -> bool:
-    """Whether it explains the recording when it is undone, not to its first order alone."""
-    known, coupled = best.hypothesis, best.hypothesis.kind in COUPLED
-    if known.undo is None:
+    """Whether it explains the recording when it is undone, not to its first order alone.
+
+    Nor by slow rows alone: much of friction there is in no column, and fast rows tell the truth.
+    """
+    known, (ref, sums, values) = best.hypothesis, start
+    if known.undo is None or known.kind in LINEAR:
         return True
-    if coupled and any(_same(e, known) for e in found):
-        # Its turns are those that fit best, unless others were found since.
-        return not _same(found[-1], known)
-    links = None if coupled else start[2][: len(start[1].inertial)]
-    undone = _fitted(known.undo(start[0].recording, best.values), prior, added, links)
-    return _drop(start, undone) > (OFFSET_LIKELY if coupled else 0.0)
+    rec, links = ref.recording, values[: len(sums.inertial)]
+    if known.kind in COUPLED:
+        if any(_same(e, known) for e in found):
+            # Its turns are those that fit best, unless others were found since.
+            return not _same(found[-1], known)
+        undone = _fitted(known.undo(rec, best.values), prior, added)
+        return _drop(start, undone) > OFFSET_LIKELY
+    fast = np.percentile(np.abs(rec.dq), 98, axis=0)
+    slow = np.abs(rec.dq) < SLOW * fast
+    for one in (rec, replace(rec, apart=slow if rec.apart is None else rec.apart | slow)):
+        before = start if one is rec else _fitted(one, prior, added, links)
+        after = _fitted(known.undo(one, best.values), prior, added, links)
+        if _drop(before, after) < -LIKELY:
+            return False
+    return True
 
 
 def _turned(
