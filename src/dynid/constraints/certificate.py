@@ -17,7 +17,7 @@ import numpy as np
 
 from dynid.constraints import limits
 from dynid.constraints.collision import CollisionBodies, JudgedPairs
-from dynid.constraints.extremes import Extremes, dense_times, extremes, least_value
+from dynid.constraints.extremes import BEYOND, Extremes, dense_times, extremes, least_value
 from dynid.constraints.motion import MotionConstraints
 from dynid.core import Array, InputError, plain
 from dynid.trajectory import JointMotion, Repetition, Trajectory
@@ -209,19 +209,22 @@ def _add_allowance(
 ) -> None:
     """Torque and power between samples: their curvature, twice.
 
-    Parts of so many samples meet where the acceleration may jump: curvature is that within a part.
+    Parts of so many samples meet where the acceleration may jump: curvature is that within a part,
+    and its first and last samples lie up to `BEYOND` of a step from the jump.
     """
     judge = constraints.torque
     if judge is None:
         return
     torque, power = judge.largest(motion.q, motion.dq, motion.ddq)
     edges = np.cumsum(counts)
+    firsts = edges - np.array(counts)
     for kind, values, limit in (("torque", torque, judge.limits), ("power", power, judge.power)):
         item = worst[kind]
         if math.isfinite(item.margin):
             bow = np.zeros(values.shape)
             bow[1:-1] = np.abs(values[2:] - 2 * values[1:-1] + values[:-2]) / 4
-            bow[edges - 1], bow[edges[:-1]] = 0.0, 0.0
+            for edge, inner in ((edges - 1, edges - 2), (firsts, firsts + 1)):
+                bow[edge] = bow[inner] + BEYOND * np.abs(values[edge] - values[inner])
             least = limits.left_over(float(np.nanmax((values + bow) / limit)), item.required)
             worst[kind] = replace(item, margin=min(item.margin, least))
 

@@ -29,8 +29,10 @@ _STEPS, _WAVE_STEPS = 256, 128
 """Intervals of a polynomial, and of a harmonic, whose derivatives are bounded."""
 _DOUBT = 2.0
 """Jerk between samples over the largest jerk seen across one sample."""
-_BESIDE = 1e-6
+_BESIDE = 1e-7
 """How far from a jump of the acceleration samples lie, over the time of the leg."""
+BEYOND = 0.01
+"""The same at most, over the time to the next sample, of which there are `_MOST` in a leg."""
 
 
 def dense_times(trajectory: Trajectory) -> list[Array]:
