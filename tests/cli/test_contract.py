@@ -368,6 +368,7 @@ def test_nothing_but_json_on_stdout(recordings: Recordings, tmp_path: Path) -> N
     """In a process of its own, where C libraries could write to stdout as well."""
     record = recordings.identification
     words = ["identify", record, "--to", "5", "--validate-from", "5", "-o", tmp_path / "e.json"]
+    words += ["--preset", "paper"]
     done = subprocess.run(
         [sys.executable, "-m", "dynid", *map(str, words), "--json"],
         capture_output=True,
@@ -377,5 +378,5 @@ def test_nothing_but_json_on_stdout(recordings: Recordings, tmp_path: Path) -> N
     )
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
-    assert Outcome(0, done.stdout, "").json()["preset"] == "best"
+    assert Outcome(0, done.stdout, "").json()["preset"] == "paper"
     assert len(done.stdout.splitlines()) == 1

@@ -13,6 +13,7 @@ from dynid.constraints import (
     least_distance,
     scene_from_json,
 )
+from dynid.constraints.bodies import _searched
 from dynid.core import JsonFields
 from dynid.robot import Body, RobotModel, joint_poses
 from dynid.trajectory import usable_bounds
@@ -155,3 +156,25 @@ def test_what_is_proven_of_two_joints_holds_and_what_is_not_so_is_not_proven() -
                 proven += 1
                 assert found <= least
     assert proven > 3
+
+
+def test_what_is_kept_of_a_proof_is_for_the_same_question_alone() -> None:
+    bodies, kinds = judged(random_arm(4, 5, slides=False))
+    other = judged(random_arm(4, 6, slides=False))[0]
+    wider = replace(bodies, radius=bodies.radius + 1e-3)
+    moved = replace(bodies, arm=other.arm)
+    (a, b), (c, d) = kinds["self_collision"].bodies[[0, -1]].tolist()
+    half, narrow = np.full(4, 0.2), np.full(4, 0.1)
+    asked = [
+        (bodies, a, b, -half, half, 1e-4),
+        (wider, a, b, -half, half, 1e-4),
+        (moved, a, b, -half, half, 1e-4),
+        (bodies, c, d, -half, half, 1e-4),
+        (bodies, a, b, -narrow, half, 1e-4),
+        (bodies, a, b, -half, half, 10.0),
+    ]
+    found = [least_distance(*question) for question in asked]
+    for question, answer in zip(asked, found, strict=True):
+        _searched.cache_clear()
+        assert least_distance(*question) == answer
+    assert len(set(found)) == len(asked)

@@ -39,8 +39,8 @@ def faults(folder: Path, wrong: Wrong) -> list[Finding]:
     "wrong",
     [
         Wrong(),
-        Wrong(seed=1, load_friction=0.05),
-        Wrong(seed=3, seconds=40.0),
+        pytest.param(Wrong(seed=1, load_friction=0.05), marks=pytest.mark.long),
+        pytest.param(Wrong(seed=3, seconds=40.0), marks=pytest.mark.long),
         Wrong(seed=4, seconds=40.0, load_friction=0.05),
     ],
 )
@@ -77,7 +77,14 @@ def test_faults_are_named_where_no_inertias_are_published(
     assert [f.kind for f in findings_of(recording(wrong), unpublished)] == kinds
 
 
-@pytest.mark.parametrize(("joint", "factor"), [(0, 0.8), (1, 0.85), (1, 1.9), (2, 1.3)])
+@pytest.mark.parametrize(
+    ("joint", "factor"),
+    [
+        (0, 0.8),
+        (1, 1.9),
+        *(pytest.param(*few, marks=pytest.mark.long) for few in ((1, 0.85), (2, 1.3))),
+    ],
+)
 def test_a_wrong_gain_is_measured(tmp_path: Path, joint: int, factor: float) -> None:
     scales = [1.0, 1.0, 1.0]
     scales[joint] = factor
@@ -323,7 +330,9 @@ def test_friction_that_drifts_is_told_with_its_sign(tmp_path: Path, share: float
     assert 0.2 * abs(share) < -np.sign(share) * (found.value or 0.0) < abs(share)
 
 
-@pytest.mark.parametrize(("stop", "carried"), [(6.4, 0.0), (7.0, 0.0), (6.4, 2.0)])
+@pytest.mark.parametrize(
+    ("stop", "carried"), [(6.4, 0.0), pytest.param(7.0, 0.0, marks=pytest.mark.long), (6.4, 2.0)]
+)
 def test_a_push_is_found_where_it_was(tmp_path: Path, stop: float, carried: float) -> None:
     """Also of an arm that carries what the robot file does not know."""
     every = faults(tmp_path, Wrong(push=60.0, push_stop=stop, carried=carried))
@@ -377,7 +386,7 @@ def test_an_unknown_payload_is_weighed(tmp_path: Path, scale: float, carried: fl
     assert found.value == pytest.approx(carried * scale, abs=FEW_SIGMAS * (found.std or 0.0))
 
 
-@pytest.mark.parametrize("share", [0.4, 0.6])
+@pytest.mark.parametrize("share", [0.4, pytest.param(0.6, marks=pytest.mark.long)])
 def test_a_torque_that_stops_is_no_other_fault(tmp_path: Path, share: float) -> None:
     record = recording(Wrong())
     effort = record.signals["effort"].copy()

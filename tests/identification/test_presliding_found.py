@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,6 @@ from known_robot import COULOMB, NOISE, identified, recording, ur5
 
 from dynid import identify
 from dynid.bench import arm, motion, plant
-from dynid.core import Array
 from dynid.diagnosis import findings_of
 from dynid.identification import read_estimate, write_estimate
 from dynid.recording import ExperimentRecord
@@ -34,11 +34,13 @@ COUPLED = EACH + np.outer(EACH[2], EACH[1])
 """Motor 3 turns by the sum of joints 2 and 3."""
 
 
-def presliding(seed: int, turns: Array = EACH) -> ExperimentRecord:
+@cache
+def presliding(seed: int, *, coupled: bool = False) -> ExperimentRecord:
     """The known UR5; the equation of its friction is integrated over time, between samples too.
 
-    Friction acts on the motors, of which each turns by a row of `turns` as the joints do.
+    Friction acts on the motors, of which each turns as its joint, or by a row of `COUPLED`.
     """
+    turns = COUPLED if coupled else EACH
     plain = recording(seed, width=1e-9)
     series = random_excitation(ur5().limits, seed=seed, period_s=10.0, acceleration=ACCELERATION)
     step = (plain.t[1] - plain.t[0]) / FINE
@@ -68,14 +70,14 @@ def test_the_displacement_is_found_and_said(found: Identification) -> None:
 def test_friction_of_a_motor_that_is_coupled_builds_up_over_its_own_motion() -> None:
     drives = replace(ur5().drives, coupling=COUPLED)
     robot = replace(ur5(), drives=drives)
-    found = identify(presliding(0, COUPLED), robot, validation=presliding(1, COUPLED))
+    found = identify(presliding(0, coupled=True), robot, validation=presliding(1, coupled=True))
     assert OVER / 3 < found.estimate.model.friction.presliding[2] < 3 * OVER
     assert found.validation is not None
     # Steps in place of it err by 3.2 and 1.7 N.m on joints 2 and 3, and seem 29 and 25 ms late.
     assert (found.validation.metrics.rmse[1:3] < 1.1 * NOISE[1:3]).all()
     assert (np.abs(found.estimate.settings.delays_s or 0.0) < 0.01).all()
     # Nor are they late for a diagnosis, which looks at the recordings alone (17.6 ms before).
-    assert findings_of(presliding(1, COUPLED), robot) == ()
+    assert findings_of(presliding(1, coupled=True), robot) == ()
 
 
 def test_friction_is_that_of_the_arm(found: Identification) -> None:

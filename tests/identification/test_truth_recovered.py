@@ -187,9 +187,9 @@ def test_delays_have_deviations() -> None:
     ("name", "seed", "rate_hz", "seconds", "joint", "late", "presliding"),
     [
         # Taken whatever is left out.
-        ("ur3", 1012, 250.0, 20.0, 1, 0.0425, False),
+        pytest.param("ur3", 1012, 250.0, 20.0, 1, 0.0425, False, marks=pytest.mark.long),
         # Beside a displacement that lies between those that are tried.
-        ("ur10e", 2006, 125.0, 30.0, 5, 0.0247, True),
+        pytest.param("ur10e", 2006, 125.0, 30.0, 5, 0.0247, True, marks=pytest.mark.long),
         # Told by a displacement that is looked for anew at each delay.
         ("ur5", 2035, 125.0, 30.0, 1, 0.045, True),
         # Not by the friction that the first repetition starts with; with Stribeck friction.

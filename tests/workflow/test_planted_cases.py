@@ -53,7 +53,7 @@ def test_over_fitted(good: tuple[Record, Record]) -> None:
     assert "over_fitted" in codes
 
 
-@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("factor", [0.5, pytest.param(2.0, marks=pytest.mark.long)])
 def test_wrong_gains(good: tuple[Record, Record], factor: float) -> None:
     def scaled(record: Record) -> Record:
         current = record.signals["current"] * factor
@@ -64,7 +64,9 @@ def test_wrong_gains(good: tuple[Record, Record], factor: float) -> None:
     assert "gain_all" in codes
 
 
-@pytest.mark.parametrize(("joint", "factor"), [(1, 1.25), (2, 0.8), (3, -1.0)])
+@pytest.mark.parametrize(
+    ("joint", "factor"), [(1, 1.25), pytest.param(2, 0.8, marks=pytest.mark.long), (3, -1.0)]
+)
 def test_one_wrong_gain(good: tuple[Record, Record], joint: int, factor: float) -> None:
     def scaled(record: Record) -> Record:
         current = record.signals["current"].copy()

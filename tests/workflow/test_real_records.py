@@ -121,7 +121,8 @@ def test_panda_halves() -> None:
 
 
 @pytest.mark.usefixtures("undiagnosed")
-def test_tx40_with_its_coupled_wrist() -> None:
+@pytest.mark.parametrize("together", [10, pytest.param(1, marks=pytest.mark.long)])
+def test_tx40_with_its_coupled_wrist(together: int) -> None:
     robot = load_robot(ROBOTS / "tx40.toml")
     record = read_recording(
         [DATA / "tx40" / "pos_read_data.csv", DATA / "tx40" / "curr_data.csv"],
@@ -129,7 +130,14 @@ def test_tx40_with_its_coupled_wrist() -> None:
         columns="q=0:6,effort=6:12",
         rate_hz=5000.0,
     )
-    result = halves(record, robot, "best")
+    # Means of ten samples, of motion and torque alike, show as much in a quarter of the time.
+    rows = record.samples // together
+    means = {
+        name: values[: rows * together].reshape(rows, together, -1).mean(axis=1)
+        for name, values in {"t": record.t[:, None], **record.signals}.items()
+    }
+    t = means.pop("t")[:, 0]
+    result = halves(ExperimentRecord(t=t, signals=means), robot, "best")
     assert {"Fcm6", "Fvm6", "Imm6"} <= set(result.estimate.model.names)
     assert result.validation is not None
     assert result.validation.metrics.r2[4] >= 0.88
@@ -152,6 +160,7 @@ def kr300() -> tuple[RobotModel, ExperimentRecord, ExperimentRecord]:
     return robot, a, b
 
 
+@pytest.mark.usefixtures("undiagnosed")
 def test_kr300_warns_and_still_predicts(
     kr300: tuple[RobotModel, ExperimentRecord, ExperimentRecord],
 ) -> None:

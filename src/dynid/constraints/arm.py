@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
@@ -199,16 +200,21 @@ def prior_link(robot: RobotModel, k: int) -> Array:
     solids = [body for body in robot.bodies if body.link == k + 1]
     if not solids or mass == 0:
         return from_body(mass, centre, np.zeros((3, 3)))
-    whole = np.sum([_uniform(body) for body in solids], axis=0)
+    whole = np.sum([_uniform(body.points.tobytes(), body.radius) for body in solids], axis=0)
     whole *= mass / whole[0]
     own = whole[1:4] / mass
     central = tensor(whole) - mass * (own @ own * np.eye(3) - np.outer(own, own))
     return from_body(mass, centre, (central + central.T) / 2)
 
 
-def _uniform(body: Body) -> Array:
-    """The ten parameters of a body of density 1, summed over tetrahedra from the origin."""
-    vertices, faces = body.surface()
+@lru_cache(maxsize=256)
+def _uniform(points: bytes, radius: float) -> Array:
+    """The ten parameters of a body of density 1, summed over tetrahedra from the origin.
+
+    Kept: a surface takes 10 ms, and one robot is judged often.
+    """
+    rows = np.frombuffer(points).reshape(-1, 3)
+    vertices, faces = Body(name="", link=0, points=rows, radius=radius).surface()
     corners = vertices[faces]
     volume = np.linalg.det(corners) / 6
     total = corners.sum(axis=1)
@@ -217,7 +223,7 @@ def _uniform(body: Body) -> Array:
     second = (second + np.einsum("f,fx,fy->xy", volume, total, total)) / 20
     about = np.trace(second) * np.eye(3) - second
     six = about[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
-    return np.array([volume.sum(), *first, *six])
+    return read_only(np.array([volume.sum(), *first, *six]))
 
 
 _STEP = 1e-5

@@ -4,7 +4,8 @@ Pairs that no pose in the range can bring together are left out: the least dista
 ranges of joints is found by branch and bound.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -43,9 +44,25 @@ def least_distance(
     # A whole turn is all of a joint's range.
     half = np.where(bodies.arm.prismatic, half, np.minimum(half, np.pi))
     middle = (upper + lower) / 2
-    return float(
-        _least(bodies.arm.joints, bodies.parts, pair, middle, half, rates, sure, _MOST_CELLS)
-    )
+    arrays = (bodies.arm.joints, *bodies.parts, pair, middle, half, rates)
+    return _searched(_Search(tuple(array.tobytes() for array in arrays), arrays, sure))
+
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """A search, known by what is in its arrays."""
+
+    contents: tuple[bytes, ...]
+    arrays: tuple[Any, ...] = field(compare=False)
+    sure: float
+
+
+@lru_cache(maxsize=256)
+def _searched(search: _Search) -> float:
+    """Kept: it takes 20 ms a pair, and one robot in one scene is judged often."""
+    joints, *parts, pair, middle, half, rates = search.arrays
+    args = (pair, middle, half, rates, search.sure, _MOST_CELLS)
+    return float(_least(joints, tuple(parts), *args))
 
 
 @njit(cache=True, error_model="numpy")

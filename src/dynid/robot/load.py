@@ -3,6 +3,7 @@
 import math
 import os
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -78,7 +79,7 @@ def _load(name_or_path: str | Path, collision: bool, mesh_dirs: Sequence[Path] =
     text = str(name_or_path)
     names = builtin_names()
     if text.lower() in names:
-        return robot_from_toml(builtin_file(text.lower()), Path(f"{text.lower()}.toml"))
+        return _built_in(text.lower())
     path = Path(os.path.expanduser(text))
     if not text.strip() or not is_there(path):
         looks_like_path = "/" in text or path.suffix.lower() in (".urdf", ".toml", ".xml")
@@ -100,6 +101,12 @@ def _load(name_or_path: str | Path, collision: bool, mesh_dirs: Sequence[Path] =
             "the file is too large for a robot file", where=shown_path(path), limit=MAX_TOML
         )
     return robot_from_toml(data, path, collision=collision, mesh_dirs=mesh_dirs)
+
+
+@cache
+def _built_in(name: str) -> RobotModel:
+    """Read once: robots cannot be changed, and reading takes as long as all else of a command."""
+    return robot_from_toml(builtin_file(name), Path(f"{name}.toml"))
 
 
 def robot_to_json(robot: RobotModel) -> dict[str, Any]:

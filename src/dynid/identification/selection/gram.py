@@ -9,14 +9,14 @@ a recording is: blocks of parts of a recording add up.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 
-from dynid.core import Array, Indices, Mask, read_only
+from dynid.core import Array, Indices, Mask
 
 HELD = 1e12
 """Stiffness that holds an unknown of unit columns at zero."""
@@ -34,21 +34,6 @@ class GramBlocks:
     """(n, C, m, m) of the m rows' products: columns first, then candidate torques."""
     rows: Array
     """(n, C) number of rows."""
-    _last: dict[int, tuple[Indices, Array]] = field(
-        default_factory=dict[int, tuple[Indices, Array]], init=False, repr=False, compare=False
-    )
-
-    def square(self, joint: int, columns: Indices) -> Array:
-        """(C, k, k) products of some columns of a joint (k).
-
-        Kept until other columns are requested: a search changes one joint at a time (with `_runs` a
-        quarter of the CPU of `identify`: 3.7 s, 5.1 s without them).
-        """
-        known = self._last.get(joint)
-        if known is None or not np.array_equal(known[0], columns):
-            found = read_only(self.products[joint][:, columns[:, None], columns])
-            self._last[joint] = known = (columns, found)
-        return known[1]
 
     def __add__(self, other: GramBlocks) -> GramBlocks:
         return GramBlocks(products=self.products + other.products, rows=self.rows + other.rows)
@@ -133,52 +118,61 @@ class NormalEquations:
     """
 
     def __init__(self, blocks: GramBlocks, picks: Sequence[Pick], weights: Array) -> None:
-        self._cells = blocks.rows.shape[1]
         self._size = 1 + max(int(pick.unknowns.max()) for pick in picks)
+        self._blocks = blocks.products
+        self._picks = picks
         self._weights = weights
-        self._sums: list[tuple[Indices, Array, Array, Array]] = []
-        for j, pick in enumerate(picks):
-            there, products = pick.columns, blocks.products[j]
-            square = blocks.square(j, there)
-            cross = products[:, there, pick.torque]
-            self._sums.append((pick.unknowns, square, cross, products[:, pick.torque, pick.torque]))
 
     @cached_property
     def matrix(self) -> Array:
         """(C, s, s) weighted products of the columns."""
-        matrix = np.zeros((self._cells, self._size, self._size))
-        for (here, square, *_), weight in zip(self._sums, self._weights, strict=True):
-            weighted, runs = weight**2 * square, _runs(here)
-            for (down, from_down), (across, from_across) in itertools.product(runs, runs):
-                matrix[:, down, across] += weighted[:, from_down, from_across]
+        matrix = np.zeros((self._blocks.shape[1], self._size, self._size))
+        for products, pick, weight in zip(self._blocks, self._picks, self._weights, strict=True):
+            _add_products(matrix, products, pick.unknowns, pick.columns, weight**2)
         return matrix
 
     @cached_property
     def vector(self) -> Array:
         """(C, s) weighted products of columns and torques."""
-        vector = np.zeros((self._cells, self._size))
-        for (here, _, cross, _), weight in zip(self._sums, self._weights, strict=True):
-            vector[:, here] += weight**2 * cross
+        vector = np.zeros((self._blocks.shape[1], self._size))
+        for products, pick, weight in zip(self._blocks, self._picks, self._weights, strict=True):
+            vector[:, pick.unknowns] += weight**2 * products[:, pick.columns, pick.torque]
         return vector
 
     def square_errors(self, values: Array) -> Array:
         """(n, C) sums of squared errors of values (C, s), or (1, s) for all cells alike."""
-        found: list[Array] = []
-        for here, square, cross, energy in self._sums:
-            own = np.broadcast_to(values[:, here], cross.shape)
-            inner = (square @ own[..., None])[..., 0] - 2.0 * cross
-            found.append(energy + (inner * own).sum(axis=1))
-        return np.maximum(np.array(found), 0.0)
+        found = np.empty(self._blocks.shape[:2])
+        for errors, products, pick in zip(found, self._blocks, self._picks, strict=True):
+            _sum_errors(errors, products, pick.columns, pick.torque, values[:, pick.unknowns])
+        return np.maximum(found, 0.0)
 
 
-def _runs(unknowns: Indices) -> list[tuple[slice, slice]]:
-    """Runs of consecutive unknowns, and where they stand: slices are faster than indices."""
-    ends = [0, *(np.flatnonzero(np.diff(unknowns) != 1) + 1).tolist(), len(unknowns)]
-    first = [int(unknowns[start]) for start in ends[:-1]]
-    return [
-        (slice(u, u + end - start), slice(start, end))
-        for u, (start, end) in zip(first, itertools.pairwise(ends), strict=True)
-    ]
+@njit(cache=True)
+def _add_products(
+    matrix: Array, products: Array, unknowns: Indices, columns: Indices, factor: float
+) -> None:
+    """Add a joint's products (C, m, m) of some columns (k), times a factor, to (C, s, s)."""
+    for cell in range(len(matrix)):
+        for a in range(len(columns)):
+            for b in range(len(columns)):
+                product = products[cell, columns[a], columns[b]]
+                matrix[cell, unknowns[a], unknowns[b]] += factor * product
+
+
+@njit(cache=True)
+def _sum_errors(
+    errors: Array, products: Array, columns: Indices, torque: int, values: Array
+) -> None:
+    """The sum of squared errors (C) of a joint's values (C, k) or (1, k), in each cell."""
+    for cell in range(len(errors)):
+        own, block = values[cell if len(values) > 1 else 0], products[cell]
+        total = block[torque, torque]
+        for a in range(len(columns)):
+            inner = -2.0 * block[columns[a], torque]
+            for b in range(len(columns)):
+                inner += block[columns[a], columns[b]] * own[b]
+            total += inner * own[a]
+        errors[cell] = total
 
 
 def solutions(
@@ -199,7 +193,8 @@ def solutions(
         vector[:, :r] += shrinkage.precision @ shrinkage.mean
     size = matrix.shape[-1]
     scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=1, axis2=2).max(axis=0), 1e-300))
-    systems = matrix / np.outer(scale, scale) + RIDGE * np.eye(size)
+    systems = matrix / np.outer(scale, scale)
+    systems[:, range(size), range(size)] += RIDGE
     targets = vector / scale
     if positive is None:
         free = np.asarray(np.linalg.solve(systems, targets[..., None]), dtype=np.float64)
@@ -214,9 +209,10 @@ def signed_solutions(systems: Array, targets: Array, positive: Mask) -> Array:
     comes out negative is held at zero and not let go again: close to the constrained minimum,
     which would cost ten times as much.
     """
-    held = np.zeros(targets.shape, dtype=bool)
-    values = np.empty_like(targets)
-    todo = np.arange(len(targets))
+    # Nothing is held at first.
+    values = np.asarray(np.linalg.solve(systems, targets[..., None]), dtype=np.float64)[..., 0]
+    held = (values < -1e-6) & positive
+    todo = np.flatnonzero(held.any(axis=1))
     while len(todo):
         stiff = HELD * held[todo, :, None] * np.eye(targets.shape[1])
         found = np.linalg.solve(systems[todo] + stiff, targets[todo, :, None])[..., 0]
