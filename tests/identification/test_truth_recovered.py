@@ -187,7 +187,7 @@ def test_delays_have_deviations() -> None:
     ("name", "seed", "rate_hz", "seconds", "joint", "late", "presliding"),
     [
         # Taken whatever is left out.
-        pytest.param("ur3", 1012, 250.0, 20.0, 1, 0.0425, False, marks=pytest.mark.long),
+        ("ur3", 1012, 250.0, 20.0, 1, 0.0425, False),
         # Beside a displacement that lies between those that are tried.
         pytest.param("ur10e", 2006, 125.0, 30.0, 5, 0.0247, True, marks=pytest.mark.long),
         # Told by a displacement that is looked for anew at each delay.
