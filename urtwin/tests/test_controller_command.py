@@ -19,7 +19,6 @@ BAD_USAGE = {
     "--expose": ["--host", "0.0.0.0"],
     "no IPv4 address": ["--host", "nowhere"],
     "125 Hz": ["--rate", "250"],
-    "this software has this control rate": ["--rate", "125", "--software", "5.12.0"],
     "no software version": ["--software", "new"],
     "thermal state": ["--thermal", "lukewarm"],
     "built-in robot": ["--robot", "r2d2"],

@@ -112,13 +112,6 @@ class ControllerSettings:
                 value=f"{self.rate:g} Hz",
                 limit=f"{CB_HZ:g} Hz (CB-Series) or {E_SERIES_HZ:g} Hz (e-Series)",
             )
-        if version and self.rate and (version[0] >= E_SERIES) != (self.rate == E_SERIES_HZ):
-            raise InputError(
-                "no UR controller with this software has this control rate",
-                where="--rate",
-                value=f"{self.rate:g} Hz, software {self.software}",
-                next_step="Leave out one of the two.",
-            )
 
 
 def _thermal(text: str) -> str | float:
