@@ -2,7 +2,7 @@
 
 import pytest
 
-from urtwin.server.clock import CATCH_UP_S, DESERTED_S, Pace, VirtualPace
+from urtwin.server.clock import CATCH_UP_S, UNUSED_S, Pace, VirtualPace
 
 CYCLE = 0.008
 
@@ -40,11 +40,11 @@ def test_lateness_is_told_in_percentiles():
     assert pace.lateness_us(0.0, 50.0, 100.0) == pytest.approx([0.0, 50.0, 100.0], abs=0.1)
 
 
-def test_virtual_time_stands_still_where_nobody_has_been_for_a_while(machine):
+def test_virtual_time_stops_without_client_and_program(machine):
     pace = VirtualPace(machine)
-    assert not pace.deserted(100.0, busy=False)
-    assert not pace.deserted(100.0 + DESERTED_S, busy=False)
-    assert pace.deserted(100.1 + DESERTED_S, busy=False)
-    assert not pace.deserted(200.0, busy=True)
-    assert not pace.deserted(200.0 + DESERTED_S, busy=False)
+    assert not pace.unused(100.0, busy=False)
+    assert not pace.unused(100.0 + UNUSED_S, busy=False)
+    assert pace.unused(100.1 + UNUSED_S, busy=False)
+    assert not pace.unused(200.0, busy=True)
+    assert not pace.unused(200.0 + UNUSED_S, busy=False)
     pace.close()

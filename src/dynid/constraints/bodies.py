@@ -45,12 +45,12 @@ def least_distance(
     half = np.where(bodies.arm.prismatic, half, np.minimum(half, np.pi))
     middle = (upper + lower) / 2
     arrays = (bodies.arm.joints, *bodies.parts, pair, middle, half, rates)
-    return _searched(_Question(tuple(array.tobytes() for array in arrays), arrays, sure))
+    return _searched(_DistanceQuery(tuple(array.tobytes() for array in arrays), arrays, sure))
 
 
 @dataclass(frozen=True, slots=True)
-class _Question:
-    """A question, known by what is in its arrays."""
+class _DistanceQuery:
+    """Arguments of a search; equal where their arrays hold the same numbers."""
 
     contents: tuple[bytes, ...]
     arrays: tuple[Any, ...] = field(compare=False)
@@ -58,10 +58,10 @@ class _Question:
 
 
 @lru_cache(maxsize=256)
-def _searched(asked: _Question) -> float:
+def _searched(query: _DistanceQuery) -> float:
     """Kept: it takes 20 ms a pair, and one robot in one scene is judged often."""
-    joints, *parts, pair, middle, half, rates = asked.arrays
-    args = (pair, middle, half, rates, asked.sure, _MOST_CELLS)
+    joints, *parts, pair, middle, half, rates = query.arrays
+    args = (pair, middle, half, rates, query.sure, _MOST_CELLS)
     return float(_least(joints, tuple(parts), *args))
 
 

@@ -340,7 +340,7 @@ def _signals(
     noise = np.square(np.diff(rec.average(error.T), axis=1)).mean(axis=1) / 2
     left = np.square(explained.left)
     if touched:
-        # A contact is no fault of the model.
+        # The model does not have to explain contacts.
         left = np.square(error[~rows_of(touched, rec.t)]).mean(axis=0)
     beyond = np.maximum(left - noise, 0.0)
     share = float(np.sqrt(beyond.sum() / np.square(torque).sum()))

@@ -41,9 +41,9 @@ BY_CHANCE = 0.01
 """... and the chance (Student's t of the blocks left out) by which one of its sizes is that large
 where there is none."""
 LINEAR = frozenset({"drive_gain", "gain_all"})
-"""Kinds of which the first order is the whole."""
+"""Kinds that are linear in their size."""
 SLOW = 0.05
-"""Share of a joint's usual top speed below which its row is slow."""
+"""Share of a joint's usual top speed below which it is slow."""
 WORTH_A_LOOK, LOOKS = 4.0, 8
 """Drop of the negative log likelihood from which a rival gets its own fit, and how many do."""
 WHOLE_LIKELY, OFFSET_LIKELY = 24.0, 40.0
@@ -273,9 +273,10 @@ def _confirmed(
     best: Scored,
     found: list[Explanation],
 ) -> bool:
-    """Whether it explains the recording when it is undone, not to its first order alone.
+    """Whether the recording fits better once the fault is undone, not to first order alone.
 
-    Nor by slow rows alone: much of friction there is in no column, and fast rows tell the truth.
+    Rows without slow motion must not contradict it: near reversals friction has parts that no
+    column describes.
     """
     known, (ref, sums, values) = best.hypothesis, start
     if known.undo is None or known.kind in LINEAR:

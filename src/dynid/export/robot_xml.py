@@ -240,7 +240,7 @@ def mjcf_text(model: ExportModel, note: str = "") -> str:
     """The file's text: one body a link in its joint frame, gravity as mounted, the note on top.
 
     Raises:
-        JobError: Links, friction or motor inertias that are not physically consistent.
+        JobError: Links that are not physically consistent, negative friction or motor inertias.
     """
     if not model.physical:
         raise JobError(

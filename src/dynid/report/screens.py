@@ -49,8 +49,9 @@ class Bar:
 class Step:
     """Something to do."""
 
-    do: str
-    why: str
+    title: str
+    """What was found, or what to do."""
+    text: str
     command: str = ""
 
 
@@ -235,34 +236,34 @@ def _steps(contents: ReportContents, item: ReportedEstimate) -> Iterator[Step]:
     robot = item.estimate.model.robot.name
     if item.shown is None:
         yield Step(
-            do="Add its recording to the folder.",
-            why="Without it there is neither a prediction nor a verdict.",
+            title="Add its recording to the folder.",
+            text="Without it there is neither a prediction nor a verdict.",
             command=f"dynid report {shlex.quote(str(contents.directory))}",
         )
     told: set[str] = set()
     for finding in sorted(item.warnings, key=lambda f: f.severity != "error"):
         if finding.next_step and finding.next_step not in told and finding.severity != "info":
             told.add(finding.next_step)
-            yield Step(do=_sentence(finding.text), why=_sentence(finding.next_step))
+            yield Step(title=_sentence(finding.text), text=_sentence(finding.next_step))
     if item.validation is None and item.shown is not None:
         yield Step(
-            do="Validate on another motion.",
-            why="No other recording has confirmed this result.",
+            title="Validate on another motion.",
+            text="No other recording has confirmed this result.",
             command=f"dynid validate {shlex.quote(item.name)} OTHER_RECORDING",
         )
     for finding in item.warnings:
         if finding.code == "weak_excitation" and finding.next_step not in told:
             yield Step(
-                do=_sentence(finding.next_step),
-                why="The motion excites the inertias poorly.",
+                title=_sentence(finding.next_step),
+                text="The motion excites the inertias poorly.",
                 command=f"dynid design {Path(robot).name} -o design.json",
             )
             break
     if item.level == "usable":
         named = ", ".join(contents.models)
         yield Step(
-            do="Use the model." if named else "Export the model.",
-            why="C for feed-forward control, MJCF or URDF for simulators"
+            title="Use the model." if named else "Export the model.",
+            text="C for feed-forward control, MJCF or URDF for simulators"
             + (f"; beside this page: {named}." if named else "."),
             command=""
             if named

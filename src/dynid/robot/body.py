@@ -32,9 +32,9 @@ WORTH = 0.92
 _CUTS = 16
 """Planes across each axis, less one."""
 _DIRECTIONS = 128
-"""In which the points of a part are looked for that tell the volume of its hull."""
+"""Directions whose farthest points approximate the hull of a part."""
 _TOGETHER = 20_000
-"""Points that are looked at at once."""
+"""Points of one matrix product."""
 _WIDER = 1e-4
 """Added to the radius for the rounding of points to 0.1 mm and for that of the proof [m]."""
 _MOST_TRIANGLES = 200_000

@@ -148,7 +148,7 @@ def with_collision_geometry(
     known = robot.notes
     if seen:
         named = ", ".join(dict.fromkeys(item.name for item in seen))
-        known = (*known, f"no collision geometry of {named}: what is seen of them stands for it")
+        known = (*known, f"no collision geometry, judged by visual geometry: {named}")
     return replace(robot, bodies=tuple(found), body_notes=(*robot.body_notes, *notes), notes=known)
 
 

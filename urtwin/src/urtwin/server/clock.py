@@ -12,8 +12,8 @@ Virtual time never looks at the wall clock; it goes as fast as the clients read:
   writes often enough in real time is never too slow for virtual time;
 - without a client that has started RTDE, and while a program waits for a socket, time goes at the
   pace of the wall clock;
-- where nobody has been connected for a while and no program plays, time stands still: an idle
-  controller takes no processor.
+- where no client has been connected for a while and no program plays, time stops: an idle
+  controller takes no processor time.
 """
 
 import gc
@@ -37,8 +37,8 @@ LEAD_S = 0.024
 """How far the controller may be ahead of its slowest client [s of controller time]."""
 TOGETHER_S = 0.012
 """Packages of this much controller time are sent at once [s]."""
-DESERTED_S = 10.0
-"""How long nobody is connected before virtual time stands still [s]: enough to brake and boot."""
+UNUSED_S = 10.0
+"""How long no client is connected before virtual time stops [s]: enough to brake and boot."""
 _ROUNDING = 1e-9
 _SOON, _LATER, _PATIENCE = 50e-6, 1e-3, 20
 _SWITCH_S = 0.0005
@@ -117,11 +117,11 @@ class VirtualPace:
         self._stuck.clear()
         return self._watchdogs(clients, now)
 
-    def deserted(self, now: float, *, busy: bool) -> bool:
-        """Whether nobody has been there for long; to be asked again and again."""
+    def unused(self, now: float, *, busy: bool) -> bool:
+        """Whether neither client nor program was there for `UNUSED_S`; asked every cycle."""
         if busy or self._busy_at is None:
             self._busy_at = now
-        return now - self._busy_at > DESERTED_S
+        return now - self._busy_at > UNUSED_S
 
     def close(self) -> None:
         """Let the kernel go."""

@@ -280,7 +280,7 @@ class ControllerServer:
         if self._virtual is None:
             return self.pace.wait(now)
         busy = bool(self._clients) or self._machine.core.playing
-        if self._compiler.busy or self._virtual.deserted(now, busy=busy):
+        if self._compiler.busy or self._virtual.unused(now, busy=busy):
             self.pace.restart(now)
             return _IDLE_S
         paced = self.pace.wait(now) if self._machine.core.network.listening else 0.0
