@@ -18,7 +18,14 @@ from dynid.constraints import (
     scene_from_json,
 )
 from dynid.core import InputError, JsonFields, MotionBounds
-from dynid.robot import Body, RobotModel, load_robot
+from dynid.robot import (
+    Body,
+    JointLimits,
+    RobotModel,
+    from_body,
+    load_robot,
+    robot_from_chain,
+)
 from dynid.trajectory import (
     FourierSeries,
     JointMotion,
@@ -75,6 +82,23 @@ def test_margins_are_never_above_and_hardly_below_the_truth(
             assert ours <= item.margin + (1e-12 if item.room >= 0 else 1e-5), kind
             loose = 0.005 + 0.11 * abs(item.margin)
             assert ours >= item.margin - loose, kind
+
+
+def test_a_torque_that_grows_up_to_a_jump_of_the_acceleration_is_all_of_it() -> None:
+    # That of a slide is a straight line while it accelerates.
+    frame, one = np.eye(4)[None], np.ones(1)
+    slide = replace(
+        robot_from_chain(placements=frame, axes=np.eye(3)[:1], joint_types=["prismatic"]),
+        inertias=from_body(2.0, np.zeros(3), 0.01 * np.eye(3))[None],
+        limits=JointLimits(
+            lower=-2 * one, upper=2 * one, velocity=2 * one, acceleration=5 * one, torque=40 * one
+        ),
+    )
+    judge = safe_constraints(slide, collision=False)
+    leg = PointToPoint(start=np.zeros(1), goal=np.ones(1), travel_time=1.5)
+    at = leg.evaluate(np.array([1 / 3 - 2e-9]) * leg.duration)
+    truth = judge.usage(at.q, at.dq, at.ddq).worst["torque"].margin
+    assert certify(leg, judge).worst["torque"].margin <= truth
 
 
 def test_torque_and_power_beside_jumps_of_the_acceleration_are_those_of_the_motion() -> None:

@@ -51,6 +51,14 @@ def test_no_pose_of_a_panda_with_touching_meshes_passes() -> None:
 
 
 @needs_models
+def test_what_is_assumed_of_an_arm_stands_in_its_certificate() -> None:
+    robot = load_robot(DATA / "so_arm_description" / "urdf" / "so100.urdf")
+    judge = safe_constraints(robot, acceleration=np.full(5, 10.0))
+    assert any("visual geometry: gripper, jaw" in note for note in judge.notes)
+    assert any("frozen: gripper" in note for note in judge.notes)
+
+
+@needs_models
 def test_a_panda_is_judged_and_what_is_judged_is_proven() -> None:
     judge = safe_constraints(load_robot(PANDA), acceleration=np.full(7, 10.0))
     rest = np.array([0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0])

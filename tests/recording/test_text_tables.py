@@ -7,7 +7,7 @@ import pytest
 from recorded_motions import Motion, write_plain_csv, write_rtde_csv, write_ur_csv
 
 from dynid.core import RecordError
-from dynid.recording import open_record, read_recording
+from dynid.recording import open_record, read_recording, recording_name
 from dynid.robot import load_robot
 
 COLUMNS = "t=0,q=1:7,qd=7:13,current=13:19"
@@ -21,6 +21,13 @@ def assert_true_to(record, motion: Motion, tolerance: float = 1e-5) -> None:
     t = record.t + float(record.metadata.extra["t0"])
     np.testing.assert_allclose(record.signals["q"], motion.position(t), atol=tolerance)
     np.testing.assert_allclose(record.signals["current"], motion.current(t), atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("file", "name"), [("log.csv.gz", "log"), ("day.1.csv", "day.1"), ("bag/a.db3.ZST", "a")]
+)
+def test_names_of_recordings_have_no_endings(file: str, name: str) -> None:
+    assert recording_name(file) == name
 
 
 def test_ur_log(tmp_path: Path) -> None:

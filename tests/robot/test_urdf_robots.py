@@ -182,15 +182,15 @@ def test_limits_that_mean_nothing_are_unknown() -> None:
 
 @needs_models
 @pytest.mark.parametrize(
-    "name",
+    ("name", "chains"),
     [
-        "tiago_description/robots/tiago_no_hand.urdf",
-        "allegro_hand_description/urdf/allegro_left_hand.urdf",
-        "hector_description/robots/quadrotor_base.urdf",
+        ("tiago_description/robots/tiago_no_hand.urdf", "several chains"),
+        ("allegro_hand_description/urdf/allegro_left_hand.urdf", "several chains"),
+        ("hector_description/robots/quadrotor_base.urdf", "no chain"),
     ],
 )
-def test_without_a_trunk_the_error_lists_tips(name: str) -> None:
-    with pytest.raises(RobotError, match=r"(several|no) chains? of moving joints") as caught:
+def test_without_a_trunk_the_error_lists_tips(name: str, chains: str) -> None:
+    with pytest.raises(RobotError, match=f"{chains} of moving joints") as caught:
         load_urdf(DATA / name)
     if "tiago" in name:
         assert str(caught.value.limit).startswith("arm_tool_link")

@@ -270,9 +270,7 @@ AFTER_S = 26.0
 """The undisturbed run of no5 ends there: what is found later cannot be judged."""
 
 
-@pytest.mark.parametrize(
-    "run", ["no5_disturbed", pytest.param("no7_disturbed", marks=pytest.mark.long)]
-)
+@pytest.mark.parametrize("run", ["no5_disturbed", "no7_disturbed"])
 def test_pushes_are_found_and_nothing_else(ur5: dict[str, ExperimentRecord], run: str) -> None:
     robot = load_robot("ur5")
     every = findings_of(ur5[run], robot)

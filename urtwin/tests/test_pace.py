@@ -1,8 +1,14 @@
 """The rhythm of cycles, from wall times that the test makes up."""
 
+import io
+import itertools
+
 import pytest
 
+from urtwin import own_address
+from urtwin.server import ControllerServer, Log
 from urtwin.server.clock import CATCH_UP_S, UNUSED_S, Pace, VirtualPace
+from urtwin.settings import ControllerSettings
 
 CYCLE = 0.008
 
@@ -48,3 +54,15 @@ def test_virtual_time_stops_without_client_and_program(machine):
     assert not pace.unused(200.0, busy=True)
     assert not pace.unused(200.0 + UNUSED_S, busy=False)
     pace.close()
+
+
+def test_a_server_without_client_and_program_runs_no_cycles(machine, monkeypatch):
+    monkeypatch.setattr("urtwin.server.clock.UNUSED_S", -1.0)
+    monkeypatch.setattr("urtwin.server.loop._IDLE_S", 0.001)
+    settings = ControllerSettings(host=own_address(), virtual_time=True)
+    server = ControllerServer(machine, settings, Log(io.StringIO(), "test"))
+    try:
+        server.run(itertools.chain([False] * 60, [True]).__next__)
+    finally:
+        server.close()
+    assert machine.core.cycles == 0
