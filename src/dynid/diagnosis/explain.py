@@ -37,13 +37,15 @@ from dynid.diagnosis.whole_signals import (
 LIKELY, EVIDENT = 11.0, 5.0
 """Drop of the left-out negative log likelihood that an explanation needs, and log of its Bayes
 factor over none [nats]."""
+CLEARLY = 2.0
+"""... and how many times as much where one of two fits does not show it so well."""
 BY_CHANCE = 0.01
 """... and the chance (Student's t of the blocks left out) by which one of its sizes is that large
 where there is none."""
+LIKE_FRICTION = frozenset({"flexibility"})
+"""Kinds with torques like those of friction that builds up: fast rows alone do not show them."""
 LINEAR = frozenset({"drive_gain", "gain_all"})
 """Kinds that are linear in their size."""
-SLOW = 0.05
-"""Share of a joint's usual top speed below which it is slow."""
 WORTH_A_LOOK, LOOKS = 4.0, 8
 """Drop of the negative log likelihood from which a rival gets its own fit, and how many do."""
 WHOLE_LIKELY, OFFSET_LIKELY = 24.0, 40.0
@@ -116,9 +118,11 @@ def explain(
     fitted = _fitted(recording, prior, added)
     rounds, right = 0, False
     while True:
-        ref, _, values = fitted
-        admitted, left = _ranked(fitted, found)
-        while admitted and not _confirmed(fitted, prior, added, admitted[0], found):
+        ref, sums, values = fitted
+        links = values[: 10 * n]
+        fast = _fitted(recording.fast(), prior, added, links)
+        admitted = _ranked((fitted, fast), found)
+        while admitted and not _confirmed(fitted, fast, prior, added, admitted[0], found):
             admitted = admitted[1:]
         if not right and len(found) < MOST and doubtful(ref, values):
             whole = _whole(fitted, prior, added, admitted[:1], offsets and not found)
@@ -155,13 +159,14 @@ def explain(
             added.append(best)
         else:
             recording = best.undo(recording, first.values)
-        fitted = _fitted(recording, prior, added, values[: 10 * n])
+        fitted = _fitted(recording, prior, added, links)
     if any(e.kind == "clock_offset" and abs(e.value) < STEP_S / 2 for e in found):
         # Corrected until nothing was left of it: it was none.
         return explain(told, prior, offsets=False)
     # Turns about several axes do not add up.
     turn = angle_between(told.robot.gravity, ref.recording.robot.gravity)
     found = [replace(e, value=turn) if e.kind == "mounting" else e for e in found]
+    left = np.sqrt(left_out(sums)[0] / sums.rows)
     return Explained(found=tuple(found), reference=ref, values=values, left=left)
 
 
@@ -186,7 +191,7 @@ def _whole(
         known = rival.hypothesis
         undone = known.undo(ref.recording, rival.values) if known.undo else ref.recording
         other = _fitted(undone, prior, added if known.undo else [*added, known])
-        most = max(0.0, _drop(start, other))
+        most = max(0.0, min(_drop(start, other), rival.evidence))
     for whole in wholes:
         other = _fitted(whole.recording, prior, added)
         drop = _drop(start, other)
@@ -201,20 +206,48 @@ def _whole(
     return out
 
 
-def _ranked(fitted: _Fitted, found: list[Explanation]) -> tuple[list[Scored], Array]:
+def _ranked(both: tuple[_Fitted, _Fitted], found: list[Explanation]) -> list[Scored]:
     """Explanations of some size that are likely, the best first.
 
-    Also (n) the RMS error that the reference leaves in blocks left out [N.m or N].
+    Two fits judge, of all rows and of fast ones, and their scores add up: near reversals friction
+    has parts that no column describes, which hide faults and look like others.
     """
-    ref, own, values = fitted
-    rivals = hypotheses(ref, values)
-    sums = replace(own, sums=sums_of(ref, *(rival.columns for rival in rivals)))
-    ranked = sorted(zip(drops(sums, rivals), range(len(rivals)), strict=True), reverse=True)
-    worth = [k for drop, k in ranked[:LOOKS] if drop > WORTH_A_LOOK]
-    firsts = np.cumsum([len(ref.columns), *(len(rival.columns) for rival in rivals)])
-    alone = (_alone(ref, rivals[k], sums, int(firsts[k])) for k in worth)
-    admitted = sorted((s for s in alone if _admitted(s, found)), key=lambda s: -s.score)
-    return admitted, np.sqrt(left_out(sums)[0] / sums.rows)
+    rivals = hypotheses(both[0][0], both[0][2])
+    firsts = np.cumsum([len(both[0][0].columns), *(len(rival.columns) for rival in rivals)])
+    every = [
+        (ref, replace(own, sums=sums_of(ref, *(rival.columns for rival in rivals))))
+        for ref, own, _ in both
+    ]
+
+    def alone(fit: int, k: int) -> Scored:
+        return _alone(every[fit][0], rivals[k], every[fit][1], int(firsts[k]))
+
+    likely: list[dict[int, Scored]] = []
+    for fit, (_, sums) in enumerate(every):
+        ranked = sorted(zip(drops(sums, rivals), range(len(rivals)), strict=True), reverse=True)
+        scored = {k: alone(fit, k) for drop, k in ranked[:LOOKS] if drop > WORTH_A_LOOK}
+        likely.append({k: s for k, s in scored.items() if _admitted(s, found)})
+    out: list[Scored] = []
+    for k in likely[0] | likely[1]:
+        shown = [k in one for one in likely]
+        pair = [one[k] if k in one else alone(fit, k) for fit, one in enumerate(likely)]
+        if all(shown) or _outweighs(*pair, shown[0]):
+            out.append(replace(min(pair, key=lambda s: s.std), score=pair[0].score + pair[1].score))
+    return sorted(out, key=lambda s: -s.score)
+
+
+def _outweighs(whole: Scored, fast: Scored, by_all: bool) -> bool:
+    """Whether one fit shows a fault clearly, and the other does not deny it.
+
+    The other leans to it; or, as few rows may be fast, these agree in the size of a fault that will
+    be undone.
+    """
+    one, other = (whole, fast) if by_all else (fast, whole)
+    agrees = other.score > 0 and other.certainty > 1
+    if by_all and one.hypothesis.undo is not None and one.hypothesis.kind not in COUPLED:
+        agrees = abs(one.value - other.value) < 2 * np.hypot(one.std, other.std)
+    clear = one.score > CLEARLY * LIKELY and one.evidence > CLEARLY * EVIDENT
+    return bool(clear and agrees and (by_all or one.hypothesis.kind not in LIKE_FRICTION))
 
 
 def _drop(one: _Fitted, other: _Fitted) -> float:
@@ -268,34 +301,25 @@ def _alone(ref: Reference, rival: Hypothesis, sums: Fits, first: int) -> Scored:
 
 def _confirmed(
     start: _Fitted,
+    fast: _Fitted,
     prior: tuple[Array, Array],
     added: list[Hypothesis],
     best: Scored,
     found: list[Explanation],
 ) -> bool:
-    """Whether the recording fits better once the fault is undone, not to first order alone.
-
-    Rows without slow motion must not contradict it: near reversals friction has parts that no
-    column describes.
-    """
-    known, (ref, sums, values) = best.hypothesis, start
+    """Whether fast rows fit better once the fault is undone, not to first order alone."""
+    known = best.hypothesis
     if known.undo is None or known.kind in LINEAR:
         return True
-    rec, links = ref.recording, values[: len(sums.inertial)]
     if known.kind in COUPLED:
         if any(_same(e, known) for e in found):
             # Its turns are those that fit best, unless others were found since.
             return not _same(found[-1], known)
-        undone = _fitted(known.undo(rec, best.values), prior, added)
+        undone = _fitted(known.undo(start[0].recording, best.values), prior, added)
         return _drop(start, undone) > OFFSET_LIKELY
-    fast = np.percentile(np.abs(rec.dq), 98, axis=0)
-    slow = np.abs(rec.dq) < SLOW * fast
-    for one in (rec, replace(rec, apart=slow if rec.apart is None else rec.apart | slow)):
-        before = start if one is rec else _fitted(one, prior, added, links)
-        after = _fitted(known.undo(one, best.values), prior, added, links)
-        if _drop(before, after) < -LIKELY:
-            return False
-    return True
+    ref, sums, values = fast
+    changed = known.undo(ref.recording, best.values)
+    return _drop(fast, _fitted(changed, prior, added, values[: len(sums.inertial)])) > -LIKELY
 
 
 def _turned(

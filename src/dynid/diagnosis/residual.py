@@ -33,6 +33,8 @@ WIDTHS = (0.005, 0.06)
 """Smoothing velocities of the Coulomb columns, shares of the joint's usual top speed."""
 PRESLIDING = (0.001, 0.006)
 """Displacements over which friction builds up, shares of the joint's travel."""
+SLOW = 0.2
+"""Share of a joint's usual top speed below which it is slow."""
 DRAWS = 300
 SWEEPS = 8
 UNKNOWN_LENGTH_M = 0.5
@@ -92,10 +94,21 @@ class Recording:
             return values
         return values * (self.average(self.apart.T.astype(np.float64)) == 0.0)
 
+    @property
+    def kept(self) -> Array:
+        """(n) averaged rows whose torques belong to the motion, at least one."""
+        rows = self.measured(np.ones((self.tau.shape[1], len(self.t) // self.block)))
+        return np.maximum(rows.sum(axis=1), 1.0)
+
     def without(self, rows: Mask) -> "Recording":
-        """The recording with the torques of rows (N) apart too."""
-        apart = np.zeros(self.tau.shape, dtype=np.bool_) if self.apart is None else self.apart
-        return replace(self, apart=apart | rows[:, None])
+        """The recording with the torques of rows (N), or of joints in rows (N, n), apart too."""
+        more = rows if rows.ndim > 1 else np.broadcast_to(rows[:, None], self.tau.shape)
+        return replace(self, apart=more if self.apart is None else self.apart | more)
+
+    def fast(self) -> "Recording":
+        """The recording without rows in which a joint is slow: no column has all friction there."""
+        speed = np.abs(self.dq)
+        return self.without(speed < SLOW * np.percentile(speed, 98, axis=0))
 
 
 def inertial_prior(robot: RobotModel) -> tuple[Array, Array]:
@@ -274,8 +287,8 @@ class Fits:
 
     sums: Array
     """(BLOCKS, n, P + 1, P + 1): columns, then torque."""
-    rows: int
-    """T"""
+    rows: Array
+    """(n) rows that count."""
     weights: Array
     """(n) 1 over noise variance times correlation length, from the reference alone."""
     counts: Array
@@ -347,12 +360,12 @@ def sums_of(ref: Reference, *added: Array) -> Array:
 
 def fits(ref: Reference) -> tuple[Fits, Array]:
     """Sums of a reference, weighted by what it leaves, and (p) its parameters."""
-    rows, n = ref.torque.shape[1], len(ref.torque)
+    rows, n = ref.recording.kept, len(ref.torque)
     found = Fits(
         sums=sums_of(ref),
         rows=rows,
         weights=1 / np.maximum(np.square(ref.torque).mean(axis=1), 1e-12),
-        counts=float(rows) * np.ones(n),
+        counts=rows,
         mean=ref.mean,
         precision=ref.precision,
         inertial=ref.precision[: 10 * n, : 10 * n],
@@ -384,7 +397,7 @@ def settled(ref: Reference, found: Fits, sweeps: int) -> tuple[Fits, Array]:
         values = covariance @ right
         error = ref.left(values)
         length = correlation_length(error)
-        variance = np.maximum(np.square(error).mean(axis=1), least)
+        variance = np.maximum(np.square(error).sum(axis=1) / found.rows, least)
         precision = found.precision.copy()
         held = np.sum(found.precision[:links, :links] * covariance[:links, :links], axis=1)
         found = replace(found, seen=np.maximum(10 - held.reshape(-1, 10).sum(axis=1), 0.0))
