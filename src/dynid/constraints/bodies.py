@@ -130,9 +130,6 @@ class Surroundings:
     bodies: CollisionBodies
     pairs: dict[str, JudgedPairs]
     """Kind of distance to its pairs, where there are any."""
-    lenient: dict[str, JudgedPairs]
-    """Kind to the pairs that may be nearer than the clearance: never far apart, or proven not to
-    meet; nothing is required of them here."""
     complete: dict[str, bool]
     """Kind of distance to whether the bodies are known to hold every link that it is about, and
     no pair was left out that can meet."""
@@ -192,26 +189,32 @@ def surroundings_of(
     poses = _poses(settings)
     arm = len(moving) - len(carried)
     own = _numbers(_own_pairs(moving, arm) if settings.self_collision else [])
-    own, clearances, near, free = _free_pairs(bodies, own, poses, settings, names, arm, notes)
+    own, clearances, free = _free_pairs(bodies, own, poses, settings, names, arm, notes)
     around = [
         (len(moving) + s, j)
         for s in range(len(shapes))
         for j, body in enumerate(moving)
         if body.link
     ]
-    around, beside = _reachable(bodies, _numbers(around), poses, settings, names, notes)
+    around = _reachable(bodies, _numbers(around), poses, settings, names, notes)
     pairs = {
-        "self_collision": _named(own, clearances, names),
-        "environment": _named(around, np.full(len(around), settings.clearance), names),
+        "self_collision": JudgedPairs(
+            bodies=own,
+            required=read_only(clearances),
+            names=tuple(f"{names[a]} - {names[b]}" for a, b in own),
+        ),
+        "environment": JudgedPairs(
+            bodies=around,
+            required=read_only(np.full(len(around), settings.clearance)),
+            names=tuple(f"{names[b]} - {names[a]}" for a, b in around),
+        ),
     }
     pairs = {kind: found for kind, found in pairs.items() if found.names}
     if not pairs:
         return None
-    lenient = {"self_collision": near, "environment": beside}
     return Surroundings(
         bodies=bodies,
         pairs=pairs,
-        lenient={k: _named(v, np.zeros(len(v)), names) for k, v in lenient.items() if k in pairs},
         complete={"self_collision": complete and free, "environment": complete},
     )
 
@@ -219,13 +222,6 @@ def surroundings_of(
 def _numbers(values: object) -> Indices:
     found = np.array(values, dtype=np.intp)
     return found if found.size else found.reshape(0, 2)
-
-
-def _named(pairs: Indices, required: Array, names: list[str]) -> JudgedPairs:
-    # The scene's bodies are numbered after the arm's.
-    rows: list[list[int]] = pairs.tolist()
-    said = tuple(" - ".join(names[k] for k in sorted(row)) for row in rows)
-    return JudgedPairs(bodies=pairs, required=read_only(required), names=said)
 
 
 def _own_pairs(moving: tuple[Body, ...], arm: int) -> list[tuple[int, int]]:
@@ -262,15 +258,15 @@ def _free_pairs(
     names: list[str],
     arm: int,
     notes: list[str],
-) -> tuple[Indices, Array, Indices, bool]:
+) -> tuple[Indices, Array, bool]:
     """The pairs that are judged of all own pairs (P, 2).
 
     Bodies that can never be twice the clearance apart must keep half of the largest distance seen
     at the poses (N, n). Bodies from number `arm` on are carried; `notes` is told what is left out.
 
     Returns:
-        The pairs, the clearance that each must keep [m], those that may be nearer than the
-            clearance, and whether every other pair is proven not to meet.
+        The pairs, the clearance that each must keep [m], and whether every other pair is proven
+            not to meet.
 
     Raises:
         InputError: What is carried meets a link in every pose, beside the neighbour of the last.
@@ -280,7 +276,6 @@ def _free_pairs(
     near = (gap <= _NEAR) | (outer >= arm)
     far = bodies.distances(poses, own[near]).T
     kept, free, clearances = ~near, True, np.full(len(near), settings.self_clearance)
-    lenient = np.zeros(len(near), dtype=np.bool_)
     for row, k in zip(far, np.flatnonzero(near), strict=True):
         a, b = (int(x) for x in own[k])
         what = f"{names[a]} and {names[b]}"
@@ -288,7 +283,6 @@ def _free_pairs(
         clearance = min(settings.self_clearance, max(most, 0.0) / 2)
         share = float((row <= clearance).mean())
         if gap[k] <= _NEAR and _proven(bodies, a, b, row, settings, _SURE):
-            lenient[k] = True
             continue
         if share == 1.0 and b >= arm and gap[k] > 1:
             raise InputError(
@@ -301,7 +295,6 @@ def _free_pairs(
         kept[k] = not (share == 1.0 or (b < arm and share > _MOSTLY))
         clearances[k] = clearance
         if kept[k] and clearance < settings.self_clearance:
-            lenient[k] = True
             notes.append(
                 f"{what} are never farther than {most:.4f} m apart: the limit is half of that"
             )
@@ -310,7 +303,7 @@ def _free_pairs(
             notes.append(
                 f"{what} are not judged: their bodies are too close in {share:.0%} of poses"
             )
-    return own[kept], clearances[kept], own[lenient], free
+    return own[kept], clearances[kept], free
 
 
 def _reachable(
@@ -320,10 +313,8 @@ def _reachable(
     settings: ConstraintSettings,
     names: list[str],
     notes: list[str],
-) -> tuple[Indices, Indices]:
-    """The pairs that are judged of all with the scene (P, 2), and the others.
-
-    Arguments as in `_free_pairs`.
+) -> Indices:
+    """The pairs that are judged of all with the scene (P, 2); arguments as in `_free_pairs`.
 
     Shapes that are farther away than the arm is long are told: lengths in another unit are.
 
@@ -362,7 +353,7 @@ def _reachable(
             notes.append(
                 f"{names[b]} is {float(row.min()):.3f} m from '{names[a]}' whatever the arm does"
             )
-    return around[kept], around[~kept]
+    return around[kept]
 
 
 def _proven(

@@ -87,11 +87,7 @@ class Certificate:
 
     @property
     def margins(self) -> dict[str, float | None]:
-        """Kind to margin: share of the limit left, or distance [m]; None where not judged.
-
-        Distances are the smallest of all pairs but those that the notes name; where a clearance is
-        missed, that of the pair that misses most.
-        """
+        """Kind to margin: share of the limit left, or distance [m]; None where not judged."""
         return {
             f"{kind}_m" if kind in limits.DISTANCES else kind: plain(item.margin)
             for kind, item in self.worst.items()
@@ -169,22 +165,8 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
                 )
             # What is sought is the distance less what is required.
             seen, sure = found.value + item.required, found.bound + item.required
-            worst[kind] = item = _settled(item, found.t, seen, seen, sure)
+            worst[kind] = _settled(item, found.t, seen, seen, sure)
             proven += [kind] if ends.proven and around.complete[kind] else []
-            near = around.lenient[kind]
-            if item.room < 0 or not near.names:
-                continue
-            apart = partial(between.apart, around.bodies, near)
-            found = least(apart, tolerance=_DISTANCE_WITHIN, threshold=item.margin)
-            worst[kind] = replace(item, margin=min(found.bound, item.margin))
-            if found.value < item.margin:
-                found = least(apart, tolerance=_DISTANCE_WITHIN)
-                at = trajectory.evaluate(np.array([found.t])).q
-                what = near.names[int(around.bodies.nearest(at, near).pair[0])]
-                worst[kind] = limits.Worst(
-                    margin=found.bound, t=found.t, what=what, value=found.value, limit=0.0,
-                    distance=True,
-                )  # fmt: skip
     return Certificate(
         worst=worst,
         proven=tuple(kind for kind in proven if math.isfinite(worst[kind].margin)),
