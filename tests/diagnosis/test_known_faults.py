@@ -406,6 +406,21 @@ def test_a_torque_that_stops_is_no_other_fault(tmp_path: Path, share: float) -> 
     assert found == [("saturated", (1,))]
 
 
+def test_a_noisy_torque_that_stops_at_the_known_limit_is_told(tmp_path: Path) -> None:
+    record, robot = recording(Wrong()), arm(tmp_path)
+    clean = record.signals["effort"]
+    top = 0.6 * np.abs(clean[:, 1]).max()
+    limits = np.where(np.arange(robot.joints) == 1, top, robot.limits.torque)
+    robot = replace(robot, limits=replace(robot.limits, torque=limits))
+    effort = clean.copy()
+    noise = np.random.default_rng(0).normal(0.0, 0.003 * top, len(effort))
+    effort[:, 1] = np.clip(effort[:, 1], -top, top) + noise
+    for values, told in ((effort, True), (0.99 * clean, False), (0.6 * clean, False)):
+        seen = replace(record, signals={**record.signals, "effort": values})
+        found = [(f.kind, f.joints) for f in findings_of(seen, robot)]
+        assert (("saturated", (1,)) in found) == told
+
+
 def test_a_torque_of_zero_is_no_number_that_cannot_be(tmp_path: Path) -> None:
     record = recording(Wrong())
     effort = record.signals["effort"].copy()

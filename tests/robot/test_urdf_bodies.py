@@ -83,15 +83,18 @@ def test_what_is_seen_stands_for_collision_geometry_that_is_not_there(tmp_path: 
     bare = load_robot(path)
     assert [body.name for body in bare.bodies] == ["one 1", "hand 1"]
     assert any("visual geometry" in note and "one, hand" in note for note in bare.notes)
-    # One element is enough to say that the author drew what counts.
-    path.write_text(
-        text.replace("visual><geometry><sphere", "collision><geometry><sphere").replace(
-            "</geometry></visual></link><joint", "</geometry></collision></link><joint"
-        )
+    # Of two links that are fixed to each other, one has collision geometry.
+    text = text.replace("visual><geometry><sphere", "collision><geometry><sphere").replace(
+        "</geometry></visual></link><joint", "</geometry></collision></link><joint"
     )
+    path.write_text(text)
     mixed = load_robot(path)
-    assert [body.name for body in mixed.bodies] == ["hand 1"]
-    assert not any("visual geometry" in note for note in mixed.notes)
+    assert [body.name for body in mixed.bodies] == ["hand 1", "one 1"]
+    assert any("visual geometry: one" in note for note in mixed.notes)
+    path.write_text(text.replace('radius="0.05"', 'radius="1"'))
+    held = load_robot(path)
+    assert [body.name for body in held.bodies] == ["hand 1"]
+    assert not any("visual geometry" in note for note in held.notes)
 
 
 def test_what_cannot_be_read_is_noted(tmp_path: Path) -> None:

@@ -103,6 +103,7 @@ def spoil(path: Path, change: Callable[[dict[str, Any]], object]) -> Path:
         (lambda d: d["trajectory"].update(a=[]), "rows of one length"),
         (lambda d: d["trajectory"].update(a=[["1", 2, 3], [1, 2, 3]]), "a must be a number"),
         (lambda d: d["trajectory"].update(a=[[float("nan")] * 3] * 2), "NaN is not a JSON number"),
+        (lambda d: d["trajectory"].update({k: [[0.0] * 3000] * 2 for k in "ab"}), "3000.* 200"),
         (lambda d: d["trajectory"].update(b=5), "b must be a list"),
         (lambda d: d.pop("limits"), "limits must be a JSON object"),
         (lambda d: d["limits"].update(lower=[5, None]), "above the upper"),

@@ -106,6 +106,24 @@ def test_the_robot_of_another_record_is_noticed(
     ]
 
 
+def test_the_robot_of_a_file_is_told_by_its_axes(
+    alone: dynid.Identification, tmp_path: Path
+) -> None:
+    library = Path(dynid.robot.__file__).parent / "library"
+    model = replace(alone.estimate.model, robot=replace(alone.estimate.model.robot, name="ours"))
+    estimate, other = replace(alone.estimate, model=model), simulated(2)
+    for kind, named in (("ur5", False), ("ur5e", False), ("ur3", True)):
+        path = tmp_path / f"{kind}.toml"
+        path.write_text((library / f"{kind}.toml").read_text())
+        for robot in (kind, str(path)):
+            foreign = replace(other, metadata=replace(other.metadata, robot=robot))
+            found = {finding.kind for finding in dynid.validate(estimate, foreign).warnings}
+            assert ("another_robot" in found) == named
+    lost = replace(other, metadata=replace(other.metadata, robot=str(tmp_path / "lost.toml")))
+    found = {finding.kind for finding in dynid.validate(estimate, lost).warnings}
+    assert "another_robot" not in found
+
+
 def test_a_cutoff_that_the_rate_cannot_carry_is_refused(record: ExperimentRecord) -> None:
     settings = dynid.IdentifySettings(preset="paper", cutoff_hz=100.0)
     with pytest.raises(InputError, match="too high for the record's rate"):

@@ -148,6 +148,19 @@ def test_the_command_prints_its_keys(
     assert captured.err == ""
 
 
+def test_rows_of_an_interrupted_run_are_kept_and_told(
+    design: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before, kept = (tmp_path / f"run.parquet.partial{end}" for end in ("", ".1"))
+    before.write_bytes(b"rows")
+    path = tmp_path / "run.parquet"
+    assert main(["run", str(design), "-o", str(path), "--repeat", "1", "--json"]) == 0
+    captured = capsys.readouterr()
+    assert json.loads(captured.out)["left"] == str(kept)
+    assert str(kept) in captured.err
+    assert kept.read_bytes() == b"rows"
+
+
 def test_ctrl_c_keeps_the_record(
     design: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -214,6 +214,7 @@ def run_command(
 ) -> None:
     """Execute a design and record it (paper 2.2, 3)."""
     from dynid.experiment import stop_on_signals
+    from dynid.recording import read_partial
     from dynid.workflow import run_design, run_until
 
     show.check_output(output, inputs=[design], suffix=".parquet")
@@ -239,6 +240,9 @@ def run_command(
         result = run_design(design, output, **given)
     if (said := result.design.describe_digest()) is not None and result.design.changed:
         print(f"dynid: {design}: {said}", file=sys.stderr)
+    if result.left is not None:
+        said = f"rows of an earlier, interrupted run. {read_partial(result.left)}"
+        print(f"dynid: {result.left}: {said}", file=sys.stderr)
     if json:
         show.print_json(result.to_json())
     elif result.abort is None:

@@ -288,9 +288,11 @@ def surrounded(
         item.kind == HALF_SPACE and float(item.pose[2, 2]) > _UPRIGHT for item in scene.shapes
     )
     if floor and settings.floor != "none" and not (settings.floor == "mount" and known):
-        height = 0.0 if isinstance(settings.floor, str) else settings.floor
+        name, height = "floor", settings.floor
+        if isinstance(height, str):
+            name, height = "mounting plane", 0.0
         pose = from_xyz_rpy([0, 0, height], [0, 0, 0])
-        shapes.append(Shape(name="floor", kind=HALF_SPACE, pose=pose, size=np.zeros(3)))
+        shapes.append(Shape(name=name, kind=HALF_SPACE, pose=pose, size=np.zeros(3)))
     ends = {"tool": tool.tcp}
     if tool.mass and not scene.payload:
         ends["centre"] = tool.com

@@ -235,7 +235,7 @@ def recording_of(robot: RobotModel, samples: Samples) -> Recording:
         ddq=np.array(samples.ddq),
         tau=np.array(samples.tau),
         block=max(1, -(-samples.count // ROWS)),
-        apart=apart if (apart := at_limit(samples.tau)).any() else None,
+        apart=apart if (apart := at_limit(samples.tau, robot.limits.torque)).any() else None,
     )
 
 
@@ -301,7 +301,7 @@ def _signals(
     rec = ref.recording
     made = _computed(samples.tau, ref.left(explained.values).T)
     error, touched = untouched(ref, explained.values)
-    ends = at_limit(samples.tau).any(axis=0) & (not made)
+    ends = at_limit(samples.tau, robot.limits.torque).any(axis=0) & (not made)
     stopped: list[int] = np.flatnonzero(ends).tolist()
     torque = np.sqrt(np.square(rec.tau).mean(axis=0))
     limit = np.where(np.isfinite(robot.limits.torque), robot.limits.torque, 3 * torque)

@@ -28,6 +28,7 @@ from dynid.recording.repair.pipeline import check_channels as check_channels
 from dynid.recording.repair.pipeline import checked_records as checked_records
 from dynid.recording.repair.pipeline import repair as repair
 from dynid.recording.store import partial_path as partial_path
+from dynid.recording.store import read_partial as read_partial
 from dynid.recording.store import recover as recover
 from dynid.recording.store import write_record as write_record
 from dynid.recording.stored import LONG as LONG

@@ -111,25 +111,30 @@ def _segments(data: bytes) -> Iterator[tuple[bytes, bytes]]:
         offset += length
 
 
-def create_partial(path: Path) -> int:
+def create_partial(path: Path) -> tuple[int, Path | None]:
     """Create and lock a `.partial` file, open for writing; one that a crash left is renamed.
+
+    Returns:
+        The file, and where the one before is now; None where there was none.
 
     Raises:
         RecordError: Another program is recording there.
         JobError: The file cannot be created.
     """
+    kept = None
     try:
         if path.exists():
             with path.open("rb") as old:
                 _lock(old.fileno(), path)
-            os.rename(path, free_name(path, f"{path.name}."))
+            kept = free_name(path, f"{path.name}.")
+            os.rename(path, kept)
         file = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o644)
     except OSError as error:
         raise JobError(
             "the recording cannot be started", where=str(path), value=error.strerror
         ) from error
     _lock(file, path)
-    return file
+    return file, kept
 
 
 def _lock(file: int, path: Path) -> None:

@@ -93,7 +93,10 @@ class RecordWriter:
             "metadata": metadata_to_json(metadata),
         }
         self._partial = store.partial_path(self.path)
-        self._file: int | None = store.create_partial(self._partial)
+        self._file: int | None
+        self.left: Path | None
+        """Where the rows of an earlier run are that was interrupted; None if there was none."""
+        self._file, self.left = store.create_partial(self._partial)
         self._disk = ThreadPoolExecutor(1, thread_name_prefix="dynid-record")
         self._write(store.MARK + store.pack(b"H", json.dumps(description).encode()))
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from dynid.core import Array, Indices, MissingExtraError, RobotError, printable
-from dynid.robot.body import Body, around_triangles, box_points, cylinder_points, read_mesh
+from dynid.robot.body import Body, around_triangles, beyond, box_points, cylinder_points, read_mesh
 from dynid.robot.model import RobotModel
 from dynid.robot.tables import read_limited, shown_path
 from dynid.robot.urdf import MAX_BYTES, urdf_links
@@ -108,9 +108,9 @@ def with_collision_geometry(
 ) -> RobotModel:
     """The robot with bodies that hold the `collision` elements of its URDF.
 
-    Of what a joint moves without any such element, the `visual` elements are held: a note says so.
-    Meshes are looked for in further folders too; there is a body note for every element that was
-    left out.
+    Of links without any such element the `visual` ones are held where they reach beyond the bodies
+    of the links they are fixed to: a note says so. Meshes are looked for in further folders too;
+    there is a body note for every element that was left out.
 
     Raises:
         RobotError: The file is not the robot's.
@@ -124,11 +124,16 @@ def with_collision_geometry(
         list(urdf_shapes(robot, path, kind, mesh_dirs=mesh_dirs))
         for kind in ("collision", "visual")
     )
-    given = {item.link for item in shapes}
-    seen = [item for item in seen if item.link not in given]
+    given = {item.name for item in shapes}
+    seen = [item for item in seen if item.name not in given]
+    judged: list[str] = []
     for item in (*shapes, *seen):
         try:
             for points, radius in item.solids():
+                if item.element.tag == "visual":
+                    if any(b.link == item.link and _holds(b, points, radius) for b in found):
+                        continue
+                    judged.append(item.name)
                 count[item.name] += 1
                 name = f"{item.name} {count[item.name]}"
                 found.append(Body(name=name, link=item.link, points=points, radius=radius))
@@ -146,10 +151,14 @@ def with_collision_geometry(
         named = ", ".join(dict.fromkeys(unread))
         notes.append(f"meshes of {named} are not judged: pip install 'dynid[collision]' reads them")
     known = robot.notes
-    if seen:
-        named = ", ".join(dict.fromkeys(item.name for item in seen))
+    if judged:
+        named = ", ".join(dict.fromkeys(judged))
         known = (*known, f"no collision geometry, judged by visual geometry: {named}")
     return replace(robot, bodies=tuple(found), body_notes=(*robot.body_notes, *notes), notes=known)
+
+
+def _holds(body: Body, points: Array, radius: float) -> bool:
+    return float(beyond(points, body.points).max()) + radius <= body.radius + _ROUNDING
 
 
 def urdf_shapes(
@@ -189,6 +198,8 @@ def _size(value: float, where: str) -> float:
     return value
 
 
+_ROUNDING = 1e-6
+"""[m]"""
 _SEARCHED = ("AMENT_PREFIX_PATH", "ROS_PACKAGE_PATH")
 _NAMED = 8
 """Places named where a mesh was not found."""

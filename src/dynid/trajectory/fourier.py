@@ -77,11 +77,17 @@ class FourierSeries(Trajectory):
         return self.evaluate(np.arange(round(self.period * periods * rate_hz)) / rate_hz)
 
 
+MOST_HARMONICS = 200
+"""Twice what designs have; the memory of a certificate grows as their square, to 0.5 GB."""
+
+
 def coefficients(a: ArrayLike, b: ArrayLike, joints: int) -> tuple[Array, Array]:
     """The coefficients of a series, (n, H) each, checked and read-only."""
     sines = frozen(a, shape=(joints, None), name="a")
     if sines.size == 0:
         raise InputError("a Fourier series needs a joint and a harmonic", value=sines.shape)
+    if sines.shape[1] > MOST_HARMONICS:
+        raise InputError("too many harmonics", value=sines.shape[1], limit=MOST_HARMONICS)
     return sines, frozen(b, shape=sines.shape, name="b")
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Finding, Mask, plain, read_only, told
+from dynid.core import Array, DynidError, Finding, Mask, plain, read_only, told
 from dynid.identification import (
     Estimate,
     EstimateLike,
@@ -18,7 +18,7 @@ from dynid.identification import (
     open_estimate,
 )
 from dynid.recording import ExperimentRecord, RecordLike, RecordMetadata, identity, open_record
-from dynid.robot import RobotModel, builtin_names
+from dynid.robot import RobotModel, builtin_names, joint_poses, load_robot
 from dynid.signals import (
     ProcessingSettings,
     Samples,
@@ -328,12 +328,43 @@ def _seen_before(
 
 
 def another_robot(robot: RobotModel, record: RecordMetadata) -> tuple[Finding, ...]:
-    """Whether a record says that it is of another built-in robot: only their names tell."""
-    named = {str(record.robot), robot.name}
-    if len(named) == 1 or not named <= set(builtin_names()):
+    """Whether a record says that it is of another type of robot.
+
+    Names of built-in robots tell; of others the distances of their axes, where the robot can be
+    read.
+    """
+    if record.robot is None or record.robot == robot.name:
         return ()
+    if not {record.robot, robot.name} <= set(builtin_names()):
+        try:
+            theirs = _axes_apart(load_robot(record.robot, collision=False))
+        except DynidError:
+            return ()
+        ours = _axes_apart(robot)
+        if len(ours) == len(theirs) and np.allclose(ours, theirs, rtol=0.0, atol=SAME_TYPE_M):
+            return ()
     text = f"the record is of robot {record.robot}, not of {robot.name}"
     return (Finding("another_robot", text),)
+
+
+PARALLEL = 0.01
+"""Sine of the angle between axes that are taken as parallel."""
+SAME_TYPE_M = 0.01
+"""Calibration moves the axes of two robots of a type by less."""
+
+
+def _axes_apart(robot: RobotModel) -> Array:
+    """(n - 1) distances of successive joint axes, in any pose [m]; slides have no place: 0."""
+    poses = joint_poses(robot, np.zeros(robot.joints))
+    axes = np.einsum("kij,kj->ki", poses[:, :3, :3], robot.axes)
+    way, normal = np.diff(poses[:, :3, 3], axis=0), np.cross(axes[:-1], axes[1:])
+    size: Array = np.linalg.norm(normal, axis=1)
+    apart: Array = np.abs((way * normal).sum(axis=1)) / np.maximum(size, PARALLEL)
+    beside: Array = np.linalg.norm(np.cross(way, axes[:-1]), axis=1)
+    apart = np.where(size < PARALLEL, beside, apart)
+    slides = np.array(robot.prismatic)
+    apart[slides[1:] | slides[:-1]] = 0.0
+    return apart
 
 
 def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:

@@ -155,6 +155,8 @@ class Run:
     """The recording, or what is left of it; None if there is none."""
     design: design_files.StoredDesign
     """What was executed."""
+    left: Path | None = None
+    """Where the rows of an earlier run are that was interrupted; None if there was none."""
 
     @property
     def abort(self) -> drivers.Abort | None:
@@ -171,6 +173,7 @@ class Run:
             "aborted": abort is not None,
             "cause": abort and {"code": abort.code, "message": abort.message},
             "record": self.record and str(self.record),
+            "left": self.left and str(self.left),
             "digest": self.design.digest,
             "changed": list(self.design.changed),
         }
@@ -425,6 +428,7 @@ def _execute(
         result=replace(result, outcome=outcome),
         record=record if samples >= 2 else None,
         design=loaded,
+        left=opened[0].left,
     )
 
 

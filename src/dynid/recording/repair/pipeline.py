@@ -187,11 +187,16 @@ def _report_saturation(table: RawTable) -> RawTable:
     return table
 
 
-def at_limit(values: Array) -> Mask:
+_NOISE_BAND, _WIDEST = 3.0, 0.03
+"""Noise about a known limit: its standard deviations, and the largest share of the limit."""
+
+
+def at_limit(values: Array, limit: Array | None = None) -> Mask:
     """(N, n) rows of torques that pile up at exactly their largest or smallest value.
 
     Of a peak that is written coarsely, a parabola, the highest level holds up to 1 + sqrt(2) times
-    the rows of the next one.
+    the rows of the next one. About known limits (n), NaN or infinite where there is none, torques
+    may be noisy: they pile up within the noise, and none is beyond it.
     """
     out = np.zeros(values.shape, dtype=np.bool_)
     for end in (values.max(axis=0), values.min(axis=0)):
@@ -200,6 +205,17 @@ def at_limit(values: Array) -> Mask:
         step = np.min(np.where(away > 0.0, away, np.inf), axis=0)
         following = _PILED * ((away > 0.0) & (away <= (1 + 1e-6) * step)).sum(axis=0)
         out |= flat & (flat.sum(axis=0) > np.maximum(following, _FLAT_SHARE * len(values)))
+    if limit is None:
+        return out
+    bend = np.abs(np.diff(values, n=4, axis=0))
+    band = _NOISE_BAND * 1.48 * np.median(bend, axis=0) / np.sqrt(70)
+    for side in (values, -values):
+        near = np.abs(side - limit) <= band
+        below = (side >= limit - 3 * band) & (side < limit - band)
+        count = near.sum(axis=0)
+        least = np.maximum(_PILED * below.sum(axis=0), _FLAT_SHARE * len(values))
+        beyond = (side > limit + band).sum(axis=0)
+        out |= near & (count > least) & (beyond <= 0.01 * count) & (band <= _WIDEST * limit)
     return out
 
 
