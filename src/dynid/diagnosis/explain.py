@@ -230,13 +230,14 @@ def _ranked(both: tuple[_Fitted, _Fitted], found: list[Explanation]) -> list[Sco
     out: list[Scored] = []
     for k in likely[0] | likely[1]:
         shown = [k in one for one in likely]
-        pair = [one[k] if k in one else alone(fit, k) for fit, one in enumerate(likely)]
-        if all(shown) or _outweighs(*pair, shown[0]):
-            out.append(replace(min(pair, key=lambda s: s.std), score=pair[0].score + pair[1].score))
+        whole, fast = (one[k] if k in one else alone(fit, k) for fit, one in enumerate(likely))
+        if all(shown) or _outweighs(whole, fast, by_all=shown[0]):
+            size = min((whole, fast), key=lambda s: s.std)
+            out.append(replace(size, score=whole.score + fast.score))
     return sorted(out, key=lambda s: -s.score)
 
 
-def _outweighs(whole: Scored, fast: Scored, by_all: bool) -> bool:
+def _outweighs(whole: Scored, fast: Scored, *, by_all: bool) -> bool:
     """Whether one fit shows a fault clearly, and the other does not deny it.
 
     The other leans to it; or, as few rows may be fast, these agree in the size of a fault that will
