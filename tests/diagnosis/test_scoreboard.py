@@ -23,6 +23,8 @@ CLEAN = (
     Case(arm="ur10e", motion="teach", rate_hz=1000.0, duration_s=15.0, seed=853771561),
     # The clocks seem 60 ms apart, and 48 ms of that a delay the other way.
     Case(arm="ur5", motion="teach", rate_hz=125.0, duration_s=10.0, seed=775454470),
+    # All rows show a coupled motor clearly, fast ones do not.
+    Case(arm="seven", motion="teach", rate_hz=500.0, duration_s=15.0, seed=463829848),
 )
 PLANTED = (
     ("sliding", "teach", 125.0, 10.0, 514993393, "clock", "large"),
@@ -53,6 +55,10 @@ PLANTED = (
     ("sliding", "fourier", 125.0, 20.0, 911654613, "gains", "large"),
     # Light wrists: little is left in their wrong order, but by links that are not this arm's.
     ("ur3", "fourier", 125.0, 20.0, 4, "exchanged", "large"),
+    # Friction near reversals hides it: fast rows show it clearly, all rows lean to it.
+    ("ur3", "teach", 100.0, 20.0, 463936486, "delay", "medium"),
+    # A payload, of more sizes, leaves as little.
+    ("ur5", "fourier", 250.0, 15.0, 314265696, "quarter_turn", "large"),
 )
 SLOW = (
     # Other recordings with these faults are above.

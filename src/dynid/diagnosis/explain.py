@@ -44,8 +44,6 @@ BY_CHANCE = 0.01
 where there is none."""
 LIKE_FRICTION = frozenset({"flexibility"})
 """Kinds with torques like those of friction that builds up: fast rows alone do not show them."""
-LINEAR = frozenset({"drive_gain", "gain_all"})
-"""Kinds that are linear in their size."""
 WORTH_A_LOOK, LOOKS = 4.0, 8
 """Drop of the negative log likelihood from which a rival gets its own fit, and how many do."""
 WHOLE_LIKELY, OFFSET_LIKELY = 24.0, 40.0
@@ -122,7 +120,7 @@ def explain(
         links = values[: 10 * n]
         fast = _fitted(recording.fast(), prior, added, links)
         admitted = _ranked((fitted, fast), found)
-        while admitted and not _confirmed(fitted, fast, prior, added, admitted[0], found):
+        while admitted and not _confirmed(fitted, prior, added, admitted[0], found):
             admitted = admitted[1:]
         if not right and len(found) < MOST and doubtful(ref, values):
             whole = _whole(fitted, prior, added, admitted[:1], offsets and not found)
@@ -191,7 +189,7 @@ def _whole(
         known = rival.hypothesis
         undone = known.undo(ref.recording, rival.values) if known.undo else ref.recording
         other = _fitted(undone, prior, added if known.undo else [*added, known])
-        most = max(0.0, min(_drop(start, other), rival.evidence))
+        most = max(0.0, _drop(start, other))
     for whole in wholes:
         other = _fitted(whole.recording, prior, added)
         drop = _drop(start, other)
@@ -302,25 +300,20 @@ def _alone(ref: Reference, rival: Hypothesis, sums: Fits, first: int) -> Scored:
 
 def _confirmed(
     start: _Fitted,
-    fast: _Fitted,
     prior: tuple[Array, Array],
     added: list[Hypothesis],
     best: Scored,
     found: list[Explanation],
 ) -> bool:
-    """Whether fast rows fit better once the fault is undone, not to first order alone."""
+    """Whether a recording fits better once coupled motors are undone; other faults need no more."""
     known = best.hypothesis
-    if known.undo is None or known.kind in LINEAR:
+    if known.undo is None or known.kind not in COUPLED:
         return True
-    if known.kind in COUPLED:
-        if any(_same(e, known) for e in found):
-            # Its turns are those that fit best, unless others were found since.
-            return not _same(found[-1], known)
-        undone = _fitted(known.undo(start[0].recording, best.values), prior, added)
-        return _drop(start, undone) > OFFSET_LIKELY
-    ref, sums, values = fast
-    changed = known.undo(ref.recording, best.values)
-    return _drop(fast, _fitted(changed, prior, added, values[: len(sums.inertial)])) > -LIKELY
+    if any(_same(e, known) for e in found):
+        # Its turns are those that fit best, unless others were found since.
+        return not _same(found[-1], known)
+    undone = _fitted(known.undo(start[0].recording, best.values), prior, added)
+    return _drop(start, undone) > OFFSET_LIKELY
 
 
 def _turned(
