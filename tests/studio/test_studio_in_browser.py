@@ -313,7 +313,7 @@ def test_a_run_beside_an_open_page_loses_no_sample_and_can_be_stopped(
     assert np.abs(np.diff(record.t) - 0.008).max() < 1e-6
     # The legend is that of the curves also where another file has the same quantity.
     legend = visit.page.locator("#legend span")
-    assert legend.all_inner_texts() == ["measured"]
+    until(lambda: legend.all_inner_texts() == ["measured"], visit)
     visit.primary("Continue to identify")
     assert visit.page.get_by_label("Recording").input_value() == "record.parquet"
     visit.step("Run")
