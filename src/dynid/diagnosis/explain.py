@@ -229,9 +229,10 @@ def _ranked(both: tuple[_Fitted, _Fitted], found: list[Explanation]) -> list[Sco
     for k in likely[0] | likely[1]:
         shown = [k in one for one in likely]
         whole, fast = (one[k] if k in one else alone(fit, k) for fit, one in enumerate(likely))
-        if all(shown) or _outweighs(whole, fast, by_all=shown[0]):
+        both_say = whole.score + fast.score
+        if both_say > LIKELY and (all(shown) or _outweighs(whole, fast, by_all=shown[0])):
             size = min((whole, fast), key=lambda s: s.std)
-            out.append(replace(size, score=whole.score + fast.score))
+            out.append(replace(size, score=both_say))
     return sorted(out, key=lambda s: -s.score)
 
 
