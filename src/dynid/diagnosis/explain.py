@@ -22,6 +22,7 @@ from dynid.diagnosis.residual import (
     Reference,
     fits,
     inertial_prior,
+    quickest,
     reference,
     settled,
     sums_of,
@@ -34,14 +35,11 @@ from dynid.diagnosis.whole_signals import (
     whole_signals,
 )
 
-LIKELY, EVIDENT = 11.0, 5.0
-"""Drop of the left-out negative log likelihood that an explanation needs, and log of its Bayes
-factor over none [nats]."""
-CLEARLY = 2.0
-"""... and how many times as much where one of two fits does not show it so well."""
-BY_CHANCE = 0.01
-"""... and the chance (Student's t of the blocks left out) by which one of its sizes is that large
-where there is none."""
+EVIDENT, BY_CHANCE = 5.0, 0.01
+"""Log of the Bayes factor over none that an explanation needs [nats], and the chance (Student's t
+of the blocks left out) by which one of its sizes is that large where there is none."""
+LIKELY = 22.0
+"""... and the drop of the left-out negative log likelihood where one of two fits does not [nats]."""
 LIKE_FRICTION = frozenset({"flexibility"})
 """Kinds with torques like those of friction that builds up: fast rows alone do not show them."""
 WORTH_A_LOOK, LOOKS = 4.0, 8
@@ -107,13 +105,13 @@ def explain(
         prior: Of its robot, from `inertial_prior`; None to have it made.
         offsets: Whether clocks of torques and motion may be apart.
     """
-    told = recording
     prior = inertial_prior(recording.robot) if prior is None else prior
     n = recording.robot.joints
     found: list[Explanation] = []
     added: list[Hypothesis] = []
     coupled: list[tuple[Undo, Array]] = []
     fitted = _fitted(recording, prior, added)
+    recording = told = fitted[0].recording
     rounds, right = 0, False
     while True:
         ref, sums, values = fitted
@@ -227,27 +225,19 @@ def _ranked(both: tuple[_Fitted, _Fitted], found: list[Explanation]) -> list[Sco
         likely.append({k: s for k, s in scored.items() if _admitted(s, found)})
     out: list[Scored] = []
     for k in likely[0] | likely[1]:
-        shown = [k in one for one in likely]
         whole, fast = (one[k] if k in one else alone(fit, k) for fit, one in enumerate(likely))
-        both_say = whole.score + fast.score
-        if both_say > LIKELY and (all(shown) or _outweighs(whole, fast, by_all=shown[0])):
+        shown = [_admitted(s, found) for s in (whole, fast)]
+        by_fast = rivals[k].kind not in LIKE_FRICTION and _outweighs(fast, whole)
+        if all(shown) or (_outweighs(whole, fast) if shown[0] else by_fast):
             size = min((whole, fast), key=lambda s: s.std)
-            out.append(replace(size, score=both_say))
+            out.append(replace(size, score=whole.score + fast.score))
     return sorted(out, key=lambda s: -s.score)
 
 
-def _outweighs(whole: Scored, fast: Scored, *, by_all: bool) -> bool:
-    """Whether one fit shows a fault clearly, and the other does not deny it.
-
-    The other leans to it; or, as few rows may be fast, these agree in the size of a fault that will
-    be undone.
-    """
-    one, other = (whole, fast) if by_all else (fast, whole)
-    agrees = other.score > 0 and other.certainty > 1
-    if by_all and one.hypothesis.undo is not None and one.hypothesis.kind not in COUPLED:
-        agrees = abs(one.value - other.value) < 2 * np.hypot(one.std, other.std)
-    clear = one.score > CLEARLY * LIKELY and one.evidence > CLEARLY * EVIDENT
-    return bool(clear and agrees and (by_all or one.hypothesis.kind not in LIKE_FRICTION))
+def _outweighs(one: Scored, other: Scored) -> bool:
+    """Whether one fit shows a fault so well that the other need only lean to the same size."""
+    agrees = abs(one.value - other.value) < 2 * np.hypot(one.std, other.std)
+    return bool(one.score > LIKELY and agrees and other.certainty > 1)
 
 
 def _drop(one: _Fitted, other: _Fitted) -> float:
@@ -368,10 +358,14 @@ def _fitted(
     added: list[Hypothesis],
     inertial: Array | None = None,
 ) -> _Fitted:
-    """A fit; without parameters (10 n) that the load is taken from, with those of a first one."""
+    """A fit; without parameters (10 n) that the load is taken from, with those of a first one.
+
+    So are the displacements over which friction builds up.
+    """
     if inertial is None:
-        first = _fitted(recording, prior, added, prior[0])[2]
+        ref, sums, first = _fitted(recording, prior, added, prior[0])
         inertial = first[: 10 * recording.robot.joints]
+        recording = replace(recording, quick=quickest(ref, first, sums.counts))
     columns = np.concatenate([h.columns for h in added]) if added else None
     spread = np.concatenate([h.width for h in added]) if added else None
     ref = reference(recording, prior, inertial, columns, spread)
@@ -389,7 +383,7 @@ def _admitted(scored: Scored, found: list[Explanation]) -> bool:
     tail = 0.5 * BY_CHANCE / known.free
     certain = -float(scipy_part("special").stdtrit(BLOCKS - 1, tail))
     sure = scored.certainty > certain and size > known.least
-    return physical and sure and scored.score > LIKELY and scored.evidence > EVIDENT
+    return physical and sure and scored.evidence > EVIDENT
 
 
 def _explanation(best: Scored, others: list[Scored], before: Explanation | None) -> Explanation:
@@ -403,8 +397,7 @@ def _explanation(best: Scored, others: list[Scored], before: Explanation | None)
             score=s.score,
             since_s=s.hypothesis.since_s,
         )
-        for s in (best, *others)
-        if s.score >= EQUAL * best.score
+        for s in (best, *(s for s in others if s.score >= EQUAL * best.score))
     )
     if before is None:
         return replace(now, rivals=tuple(rivals))

@@ -18,8 +18,9 @@ from dynid.robot import RobotModel, from_pseudo_inertia
 Undo = Callable[[Recording, Array], Recording]
 """The recording without a fault of the sizes (m)."""
 
-PAYLOAD, LEVER_M = 0.1, 0.1
-"""Mass that an arm is expected to carry, share of its own, and how far from the flange [m]."""
+PAYLOAD, LEVER_M, RADIUS_M = 0.1, 0.1, 0.07
+"""Mass that an arm is expected to carry, share of its own, how far from the flange, and how large
+it is [m]."""
 MOST_CARRIED = 5.0
 """... and how many times as much it may carry."""
 LEAST_DELAY_S = 0.006
@@ -195,12 +196,15 @@ def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hy
 def _at_the_flange(ref: Reference) -> tuple[Array, float]:
     """(10, n, T) columns of a body there, and the mass that the arm is expected to carry [kg].
 
-    Of a point at the flange; then of what its first and second moments differ by.
+    Of a point at the flange; of its first moments, to first order in how far it is from there;
+    then of second moments.
     """
     n = ref.recording.robot.joints
     place = np.append(ref.recording.robot.flange[:3, 3], 1.0)
+    moved = [np.outer(place, e) + np.outer(e, place) for e in np.eye(4)[:3]]
+    point = from_pseudo_inertia(np.array([np.outer(place, place), *moved]))
     body = ref.columns[10 * (n - 1) : 10 * n].copy()
-    body[0] = np.tensordot(from_pseudo_inertia(np.outer(place, place)), body, axes=1)
+    body[:4] = np.tensordot(point, body, axes=1)
     return body, PAYLOAD * float(ref.mean[: 10 * n : 10].sum())
 
 
@@ -230,8 +234,7 @@ def _payload(ref: Reference, values: Array) -> Hypothesis:
     body, carried = _at_the_flange(ref)
     return Hypothesis(
         kind="payload", joints=(n - 1,), unit="kg", least=0.05 * carried,
-        width=carried * np.array([1.0, *[LEVER_M] * 3, *[LEVER_M**2] * 6]),
-        columns=body,
+        width=carried * np.array([1.0, *[LEVER_M] * 3, *[RADIUS_M**2] * 6]), columns=body,
         # What is left of the last link has a mass.
         lowest=-max(float(values[10 * (n - 1)]), 0.0),
         widest=MOST_CARRIED,

@@ -13,7 +13,7 @@ import numpy as np
 from dynid.core import Array
 from dynid.diagnosis.residual import Fits, Recording, Reference
 
-POOR = 0.12
+POOR = 0.1
 """Share of a joint's torque that the reference may leave before these are tried."""
 STRANGE = 2.5
 """... and how unlikely its inertial parameters may be before anything was measured [nats a joint]:
