@@ -7,6 +7,7 @@ import signal
 from collections.abc import Iterator
 
 import pytest
+from hypothesis import settings
 
 # Two workers on two cores: threads of a linear algebra library would wait for each other, which
 # costs small matrices more than half of their time. Set before NumPy is imported; children take
@@ -18,6 +19,10 @@ for _library in ("OPENBLAS", "OMP", "MKL"):
 # that interrupt would wait for nothing.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Beside other work an example may take longer than usual: no test of values watches the clock.
+settings.register_profile("dynid", deadline=None)
+settings.load_profile("dynid")
 
 
 def pytest_collection_finish() -> None:

@@ -217,7 +217,7 @@ WORDS = st.sampled_from(
 )
 
 
-LINES = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+LINES = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @pytest.mark.usefixtures("undiagnosed")
