@@ -32,9 +32,16 @@ def pytest_collection_finish() -> None:
     gc.set_threshold(20_000, 20, 50)
 
 
+@pytest.fixture
+def undiagnosed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is asked of the diagnosis: it does not take its time, half of an identification's."""
+    module = importlib.import_module("dynid.workflow.identify")
+    monkeypatch.setattr(module, "diagnose", lambda *_: ())
+
+
 @pytest.fixture(scope="module")
 def undiagnosed() -> Iterator[None]:
-    """Nothing is asked of the diagnosis: it does not take its time, half of an identification's."""
+    """In no test of a file."""
     module = importlib.import_module("dynid.workflow.identify")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "diagnose", lambda *_: ())
