@@ -15,7 +15,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 export PYTHONDONTWRITEBYTECODE :=
 PATHS := src tests urtwin docs benchmarks examples README.md CHANGELOG.md CONTRIBUTING.md
 
-.PHONY: install develop chromium demo test lint types floors unit parallel beside realtime bench proof rivals site readme clean
+.PHONY: install develop chromium demo test lint types floors unit parallel realtime bench proof rivals site readme clean
 
 install: $(USER)
 
@@ -40,10 +40,9 @@ $(DEV): $(USER)
 demo: install
 	$(BIN)/dynid demo -o runs/demo --force
 
-# The types, and the tests of BESIDE, run beside the tests that mostly wait, and give way to them.
+# Tests that watch a clock mostly wait: the types and all other tests run beside them, and give way.
 test: lint floors chromium
-	$(MAKE) --no-print-directory parallel
-	$(MAKE) --no-print-directory -j 2 beside realtime
+	$(MAKE) --no-print-directory --output-sync -j 3 realtime parallel types
 
 # Reports and the studio are tested in a real browser. Without it, and without the right to install
 # it, those tests are skipped and say so.
@@ -58,23 +57,20 @@ lint: develop
 	$(BIN)/codespell $(PATHS)
 
 types: develop
-	nice -n 19 $(BIN)/pyright --warnings
+	$(ASIDE) $(BIN)/pyright --warnings
 
 floors: develop
 	$(BIN)/lint-imports
 
-unit: parallel beside realtime
+unit: parallel realtime
 
-# They only compute, in one process.
-BESIDE := tests/constraints tests/simulation
-
-beside: types
-	nice -n 19 $(BIN)/python -m pytest -m "not realtime and not long" $(BESIDE)
+# Gives way to what keeps time. On a machine that computes for others too: make test ASIDE=
+ASIDE ?= nice -n 19
 
 # A file is run by one worker, which makes its fixtures once.
 parallel: develop chromium
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder \
-	-m "not realtime and not long" $(addprefix --ignore=,$(BESIDE))
+	$(ASIDE) $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder \
+	-m "not realtime and not long"
 
 # Only the files that have such tests are collected.
 realtime: develop chromium

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 
 import pytest
@@ -8,13 +7,6 @@ from cli_runs import Outcome, Recordings, Run, write_rtde_csv
 
 import dynid
 from dynid.cli.app import main
-
-
-@pytest.fixture
-def undiagnosed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is asked of the diagnosis in one test: it does not take its time."""
-    module = importlib.import_module("dynid.workflow.identify")
-    monkeypatch.setattr(module, "diagnose", lambda *_: ())
 
 
 @pytest.fixture

@@ -186,7 +186,7 @@ def test_a_short_one_way_motion_is_called_unusable(run: Run, recordings: Recordi
     assert data["verdict"]["level"] == "do_not_use"
 
 
-@pytest.mark.usefixtures("undiagnosed")
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_halves_of_one_recording(run: Run, recordings: Recordings) -> None:
     data = run(
         *("identify", recordings.identification, "--preset", "paper", "--to", "6"),
@@ -196,7 +196,7 @@ def test_halves_of_one_recording(run: Run, recordings: Recordings) -> None:
     assert data["estimate"] is None
 
 
-@pytest.mark.usefixtures("undiagnosed")
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_foreign_files_are_read_directly(run: Run, recordings: Recordings) -> None:
     words = ["identify", recordings.csv, "--preset", "paper", "--json"]
     assert run(*words, "--robot", "ur5").json()["base_parameters"] == 52
@@ -205,7 +205,7 @@ def test_foreign_files_are_read_directly(run: Run, recordings: Recordings) -> No
     assert again["relative_error_overall_percent"] < 10
 
 
-@pytest.mark.usefixtures("undiagnosed")
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_a_robot_file_is_remembered(run: Run, recordings: Recordings, tmp_path: Path) -> None:
     robot = tmp_path / "mine.toml"
     robot.write_bytes((resources.files("dynid.robot.library") / "ur5.toml").read_bytes())
@@ -316,7 +316,7 @@ def test_one_recording_shows_no_payload(run: Run, recordings: Recordings) -> Non
     assert_bad_usage(run("payload", one, one), "with the payload is one without")
 
 
-@pytest.mark.usefixtures("undiagnosed")
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_gains_and_log_of_an_estimate_are_found_again(
     run: Run, recordings: Recordings, tmp_path: Path
 ) -> None:
@@ -339,7 +339,7 @@ def test_a_payload_is_weighed_as_the_arm_is_mounted(run: Run, recordings: Record
     assert wall["mass"] == pytest.approx(expected.mass)
 
 
-@pytest.mark.usefixtures("undiagnosed")
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_bad_windows_and_settings(run: Run, recordings: Recordings) -> None:
     record = recordings.identification
     paper = ["identify", record, "--preset", "paper"]

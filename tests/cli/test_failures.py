@@ -56,7 +56,7 @@ def test_the_traceback_is_there_on_request(run: Run, monkeypatch: pytest.MonkeyP
     assert "Traceback" in run("robots").err
 
 
-@pytest.mark.usefixtures("undiagnosed")
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_an_interrupt_while_writing_leaves_the_old_file(
     run: Run, recordings: Recordings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -76,7 +76,7 @@ def test_an_interrupt_while_writing_leaves_the_old_file(
     assert target.read_text() == "old"
 
 
-@pytest.mark.usefixtures("undiagnosed")
+@pytest.mark.usefixtures("undiagnosed_once")
 @pytest.mark.parametrize(
     "command", ["import", "design", "identify", "validate", "export", "report"]
 )
@@ -217,10 +217,10 @@ WORDS = st.sampled_from(
 )
 
 
-LINES = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+LINES = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
-@pytest.mark.usefixtures("undiagnosed")
+@pytest.mark.usefixtures("undiagnosed_once")
 @settings(LINES, max_examples=40)
 @given(command=st.sampled_from(BRIEF), data=st.data())
 def test_no_command_line_makes_a_traceback(

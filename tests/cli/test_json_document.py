@@ -45,7 +45,7 @@ def test_import(run: Run, recordings: Recordings, tmp_path: Path) -> None:
     assert set(data) == keys_of("import")
 
 
-@pytest.mark.usefixtures("undiagnosed")
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_identify_and_validate(run: Run, recordings: Recordings) -> None:
     data = run("identify", recordings.identification, "--preset", "paper", "--json").json()
     assert set(data) == keys_of("identify") - {"standard"}

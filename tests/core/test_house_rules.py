@@ -54,6 +54,11 @@ def test_there_is_a_house_to_look_at(sources: Sources) -> None:
     assert len(sources) > 100
 
 
+def test_scipy_is_loaded_at_its_first_use(sources: Sources) -> None:
+    # By `scipy_part`: one import at a module's top would make every command start 0.5 s later.
+    assert {path for path, nodes in sources.items() if "scipy" in imported(nodes)} == set()
+
+
 def test_only_the_command_line_prints(sources: Sources) -> None:
     # The controller's log prints too, into a stream that it is given.
     aloud = {

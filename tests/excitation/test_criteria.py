@@ -57,7 +57,7 @@ def _guarded(covariance: np.ndarray) -> float:
 
 
 @given(seed=st.integers(0, 2**31), columns=st.integers(2, 52), spread=st.floats(0.1, 4))
-@settings(derandomize=True, max_examples=60, deadline=None)
+@settings(derandomize=True, max_examples=60)
 def test_values_are_those_of_the_singular_values(seed: int, columns: int, spread: float) -> None:
     w = _matrix(seed, columns, spread)
     ours, truth = all_criteria(w.T @ w), _definitions(w)

@@ -30,7 +30,7 @@ LACK = 2e-4
 
 
 @given(st.integers(0, 1000))
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 def test_possible_bodies_are_found_where_there_are_some(seed: int) -> None:
     """Noise-free base parameters of possible bodies have a possible completion."""
     robot = mixed_chain() if seed % 2 else UR5

@@ -166,7 +166,7 @@ positions = arrays(
 )
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(q=positions, pause=st.integers(1, 3))
 def test_states_are_those_of_the_library(step: Step, q: Array, pause: int) -> None:
     """Along the whole motion, and at every sample as if it were the last."""

@@ -15,7 +15,7 @@ SAME = 1e-14
 
 
 @given(ANGLES, st.one_of(ANGLES, st.sampled_from(PITCHES)), ANGLES)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_angles_and_quaternions_are_scipys(roll: float, pitch: float, yaw: float) -> None:
     matrix = Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix()
     again = Rotation.from_euler("xyz", roll_pitch_yaw(matrix)).as_matrix()

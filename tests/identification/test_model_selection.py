@@ -65,7 +65,7 @@ def test_friction_and_motor_inertia_only() -> None:
     assert signed == {f"{symbol}{j}" for symbol in ("Fc", "Fv", "Im") for j in range(1, 7)}
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(seed=st.integers(0, 10_000))
 def test_close_to_the_constrained_minimum(seed: int) -> None:
     generator = np.random.default_rng(seed)

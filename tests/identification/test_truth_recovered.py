@@ -15,6 +15,8 @@ from dynid.validation import validate
 from dynid.workflow import IdentifySettings
 from dynid.workflow.identify import fit_records
 
+pytestmark = pytest.mark.usefixtures("undiagnosed")
+
 EXACT = 2e-3
 """Noise-free: what filtering and differentiating 125 Hz samples leave, relative."""
 RATE = 125.0

@@ -54,7 +54,7 @@ def _chain(seed: int, joints: int) -> RobotModel:
     robot=st.sampled_from([*ROBOTS, (str(EXAMPLES / "tx40.toml"), "urdf")]),
     seed=st.integers(0, 2**31),
 )
-@settings(derandomize=True, max_examples=30, deadline=None)
+@settings(derandomize=True, max_examples=30)
 def test_base_parameters_give_the_torques_of_all_parameters(
     robot: tuple[str, str], seed: int
 ) -> None:

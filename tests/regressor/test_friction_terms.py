@@ -24,7 +24,7 @@ def friction_terms(draw: st.DrawFn) -> FrictionTerms:
 
 
 @given(friction_terms())
-@settings(derandomize=True, deadline=None)
+@settings(derandomize=True)
 def test_terms_survive_their_description(friction: FrictionTerms) -> None:
     again = parse_terms(
         friction.describe(), width=friction.width, stribeck_velocity=friction.stribeck_velocity
@@ -33,13 +33,13 @@ def test_terms_survive_their_description(friction: FrictionTerms) -> None:
 
 
 @given(friction_terms())
-@settings(derandomize=True, deadline=None)
+@settings(derandomize=True)
 def test_terms_survive_a_json_file(friction: FrictionTerms) -> None:
     assert terms_from_json(json.loads(json.dumps(friction.to_json()))) == friction
 
 
 @given(st.text(alphabet="fcvimorsa:,+0123456789 -²x", max_size=40) | st.text(max_size=20))
-@settings(derandomize=True, max_examples=300, deadline=None)
+@settings(derandomize=True, max_examples=300)
 def test_any_text_is_read_or_refused(text: str) -> None:
     try:
         friction = parse_terms(text)

@@ -53,7 +53,7 @@ def test_columns_are_pinocchios_for_joints_of_one_kind(kind: str) -> None:
     joints=st.integers(1, 10),
     gravity=st.tuples(*[st.floats(-100, 100)] * 3),
 )
-@settings(derandomize=True, max_examples=40, deadline=None)
+@settings(derandomize=True, max_examples=40)
 def test_columns_are_pinocchios_in_any_gravity(
     seed: int, joints: int, gravity: tuple[float, float, float]
 ) -> None:

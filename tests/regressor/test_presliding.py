@@ -46,7 +46,7 @@ def test_it_solves_dahl_s_equation() -> None:
     assert state.min() < -0.99
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(arrays(np.float64, 40, elements=st.floats(0.0, 1.0)), st.integers(1, 5))
 def test_speed_does_not_matter(steps: np.ndarray, pause: int) -> None:
     q, over = np.cumsum(steps), np.array([0.3])
@@ -55,7 +55,7 @@ def test_speed_does_not_matter(steps: np.ndarray, pause: int) -> None:
     np.testing.assert_allclose(slow[::pause], state, rtol=0, atol=1e-12)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(arrays(np.float64, 40, elements=st.floats(-1.0, 1.0)))
 def test_no_motion_takes_it_beyond_one(q: np.ndarray) -> None:
     assert np.abs(friction_state(q[None], np.array([0.3]))).max() <= 1.0

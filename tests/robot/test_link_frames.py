@@ -23,7 +23,7 @@ axes = st.sampled_from([(1.0, 0, 0), (0, 1.0, 0), (0, 0, 1.0), (0, 0, -1.0), (0.
 chains = st.lists(st.tuples(origins, axes), min_size=1, max_size=7)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(chains)
 def test_frames_of_any_chain_follow_the_conventions(chain) -> None:
     placements = np.array([from_xyz_rpy(row[0][:3], row[0][3:]) for row in chain])
@@ -52,7 +52,7 @@ def test_frames_of_any_chain_follow_the_conventions(chain) -> None:
             np.testing.assert_allclose(step[:3, 2], [0, 0, 1], atol=1e-9)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 10_000), st.integers(2, 7))
 def test_frames_of_a_generic_table_are_the_tables(seed: int, n: int) -> None:
     random = np.random.default_rng(seed)

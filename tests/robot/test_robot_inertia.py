@@ -32,7 +32,7 @@ def test_bodies_and_moves_agree_with_pinocchio(seed: int) -> None:
     np.testing.assert_allclose(move(ours, frame.homogeneous), from_pinocchio(moved), atol=1e-12)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(tens, poses, poses)
 def test_frame_maps_are_linear_and_compose(ten, first, second) -> None:
     np.testing.assert_allclose(from_pseudo_inertia(to_pseudo_inertia(ten)), ten, atol=1e-9)

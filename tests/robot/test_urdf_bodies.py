@@ -168,7 +168,7 @@ def test_a_tip_keeps_its_numbers(tmp_path: Path) -> None:
     points=arrays(np.float64, (8, 3, 3), elements=st.floats(-1, 1)),
     stretch=arrays(np.float64, 3, elements=st.sampled_from([0.0, 1e-3, 0.1, 1.0])),
 )
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_every_triangle_is_in_one_body(points: np.ndarray, stretch: np.ndarray) -> None:
     faces = points * stretch
     found = around_triangles(faces)

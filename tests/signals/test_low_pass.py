@@ -96,7 +96,7 @@ def test_a_motion_that_begins_and_ends_moving_keeps_its_acceleration(rate: float
     cutoff=st.floats(0.1, 1e4),
     rate=st.sampled_from([10.0, 125.0, 5000.0]),
 )
-@settings(derandomize=True, max_examples=80, deadline=None)
+@settings(derandomize=True, max_examples=80)
 def test_short_records_and_extreme_cut_offs_stay_finite(
     count: int, cutoff: float, rate: float
 ) -> None:

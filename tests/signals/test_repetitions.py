@@ -30,7 +30,7 @@ def _series(phase: np.ndarray, seed: int, joints: int = 3, harmonics: int = 5) -
     seed=st.integers(0, 2**31),
     noise=st.sampled_from([0.0, 1e-4, 1e-3]),
 )
-@settings(derandomize=True, max_examples=40, deadline=None)
+@settings(derandomize=True, max_examples=40)
 def test_the_period_is_found_to_the_sample(
     length: int, repeats: int, rest: float, seed: int, noise: float
 ) -> None:

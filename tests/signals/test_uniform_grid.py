@@ -95,7 +95,7 @@ def test_every_gap_is_seen_in_jittered_stamps() -> None:
     count=st.integers(40, 200),
     spread=st.floats(0.01, 1.5),
 )
-@settings(derandomize=True, max_examples=60, deadline=None)
+@settings(derandomize=True, max_examples=60)
 def test_a_grid_stays_inside_what_was_recorded(seed: int, count: int, spread: float) -> None:
     random = np.random.default_rng(seed)
     steps = np.exp(spread * random.normal(size=count))

@@ -12,7 +12,7 @@ SCIPY = 1e-12
 
 
 @given(st.integers(0, 10_000), st.integers(3, 6), st.integers(1, 12), st.floats(0.5, 60.0))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_is_scipys_spline(seed: int, degree: int, spans: int, duration: float) -> None:
     control = np.random.default_rng(seed).normal(size=(3, degree + spans))
     spline = BSpline(travel_time=duration, control=control, degree=degree)
@@ -28,7 +28,7 @@ def test_is_scipys_spline(seed: int, degree: int, spans: int, duration: float) -
 
 
 @given(st.integers(0, 10_000), st.integers(1, 30), st.floats(0.5, 60.0))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_the_family_rests_exactly(seed: int, points: int, duration: float) -> None:
     generator = np.random.default_rng(seed)
     pose = generator.normal(size=4)

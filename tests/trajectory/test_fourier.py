@@ -28,7 +28,7 @@ def test_is_the_papers_formula() -> None:
 
 
 @given(st.integers(0, 10_000), st.integers(1, 8))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_derivatives_agree_with_finite_differences(seed: int, harmonics: int) -> None:
     series = some_series(seed, joints=3, harmonics=harmonics)
     t = np.linspace(0.1, 9.9, 50)
@@ -39,7 +39,7 @@ def test_derivatives_agree_with_finite_differences(seed: int, harmonics: int) ->
 
 
 @given(st.integers(0, 10_000), st.integers(2, 12), st.floats(1.0, 60.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_rest_series_starts_and_ends_at_rest(seed: int, harmonics: int, period: float) -> None:
     free = np.random.default_rng(seed).normal(size=(6, 2 * harmonics - 2))
     series = rest_series(period, np.zeros(6), free / np.linalg.norm(free, axis=1)[:, None])

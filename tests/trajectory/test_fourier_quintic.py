@@ -22,7 +22,7 @@ def some_motion(seed: int, harmonics: int = 5, period: float = 10.0) -> FourierQ
 
 
 @given(st.integers(0, 10_000), st.integers(1, 10), st.floats(2.0, 60.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_ends_at_the_given_poses_at_rest(seed: int, harmonics: int, period: float) -> None:
     motion = some_motion(seed, harmonics, period)
     t = np.linspace(0.0, period, 301)
@@ -77,7 +77,7 @@ def test_the_polynomial_is_the_solution_of_the_six_conditions() -> None:
 
 
 @given(st.integers(0, 10_000))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_derivatives_agree_with_central_differences(seed: int) -> None:
     motion, step = some_motion(seed), 1e-5
     t = np.linspace(0.1, 9.9, 50)

@@ -70,7 +70,7 @@ class TestEveryFamily:
 
 
 @given(st.integers(0, 10_000), st.integers(3, 12), st.floats(1.0, 60.0))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_a_modified_series_starts_at_the_pose_asked_for(
     seed: int, harmonics: int, period: float
 ) -> None:

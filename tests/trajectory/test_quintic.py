@@ -12,7 +12,7 @@ LIMITS = MotionBounds(
 
 
 @given(st.lists(st.floats(-3, 3), min_size=4, max_size=4), st.floats(0.1, 1.0))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_respects_and_uses_the_limits(numbers: list[float], margin: float) -> None:
     start, goal = np.array(numbers[:2]), np.array(numbers[2:])
     move = rest_to_rest(start, goal, LIMITS, margin=margin)

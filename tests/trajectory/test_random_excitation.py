@@ -21,7 +21,7 @@ def dense_peaks(series: FourierSeries, points: int = 40_001) -> tuple[Array, Arr
 
 
 @given(st.integers(0, 10_000), st.integers(2, 8), st.floats(2.0, 40.0), st.floats(0.2, 1.0))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_stays_inside_the_limits_and_touches_one(
     seed: int, harmonics: int, period: float, margin: float
 ) -> None:

@@ -42,7 +42,7 @@ def written(path: Path) -> Path:
 
 
 @given(st.data(), st.integers(1, 7), st.integers(1, 6), st.floats(0.1, 1e4), st.text(max_size=20))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_round_trip_is_exact(
     tmp_path_factory: pytest.TempPathFactory,
     data: st.DataObject,

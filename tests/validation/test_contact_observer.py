@@ -94,7 +94,7 @@ def test_the_residual_is_the_external_torque(estimate: Estimate) -> None:
 
 
 @given(st.integers(0, 1000))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_momentum_is_pinocchios(estimate: Estimate, seed: int) -> None:
     """p = M dq and C' dq, by pinocchio's Coriolis matrix of the same links."""
     model, robot = estimate.model, estimate.model.robot

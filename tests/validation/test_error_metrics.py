@@ -65,7 +65,7 @@ def test_the_papers_error_falls_with_the_root_of_the_samples(repeats: int) -> No
 
 
 @given(seed=st.integers(0, 2**31), share=st.floats(0.02, 0.98))
-@settings(derandomize=True, deadline=None)
+@settings(derandomize=True)
 def test_a_split_counts_every_joint_sample_once(seed: int, share: float) -> None:
     measured, predicted = _torques(seed, samples=60)
     mask = np.random.default_rng(seed).uniform(size=measured.shape) < share

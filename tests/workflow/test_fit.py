@@ -72,6 +72,7 @@ def test_a_folder_that_holds_results_is_left_alone(log: Path, tmp_path: Path) ->
     assert (tmp_path / "estimate.json").read_text() == "{}"
 
 
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_missing_gains_come_from_the_targets_of_the_controller(tmp_path: Path) -> None:
     record = simulated("ur3e", 2)
     record = replace(record, metadata=replace(record.metadata, drive_gains=None))

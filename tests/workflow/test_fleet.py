@@ -201,6 +201,7 @@ def test_what_recordings_do_not_say_is_told_and_a_manifest_says_it(
     assert told["robots"][0]["last"] == "2026-02-02T07:00:00+00:00"
 
 
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_recordings_in_an_object_store(
     data: Path, found: dynid.Fleet, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

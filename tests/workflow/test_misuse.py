@@ -39,6 +39,7 @@ def codes(result: dynid.Identification) -> set[str]:
     return {notice.code for notice in result.warnings}
 
 
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_a_record_does_not_confirm_itself(
     record: ExperimentRecord, alone: dynid.Identification
 ) -> None:
@@ -50,6 +51,7 @@ def test_a_record_does_not_confirm_itself(
     assert "another motion's" not in judged.headline
 
 
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_words_and_lists_are_taken_where_python_has_values(
     record: ExperimentRecord, alone: dynid.Identification
 ) -> None:
@@ -63,6 +65,7 @@ def test_words_and_lists_are_taken_where_python_has_values(
         alone.estimate.predict(pose, [[0.1] * 5], pose)
 
 
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_windows_that_overlap_do_not_confirm_either(record: ExperimentRecord) -> None:
     late = dynid.identify(record, "ur5", PAPER, validation=record, validation_start_s=5.0)
     assert "over_fitted" in codes(late)

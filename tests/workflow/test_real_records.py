@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from pathlib import Path
 
 import numpy as np
@@ -45,13 +44,6 @@ def codes(result: Identification) -> set[str]:
     return {notice.code for notice in result.warnings}
 
 
-@pytest.fixture
-def undiagnosed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is asked of the diagnosis: it does not take its time."""
-    module = importlib.import_module("dynid.workflow.identify")
-    monkeypatch.setattr(module, "diagnose", lambda *_: ())
-
-
 @pytest.fixture(scope="module")
 def ur10() -> tuple[ExperimentRecord, RobotModel]:
     robot = load_robot("ur10")
@@ -59,7 +51,7 @@ def ur10() -> tuple[ExperimentRecord, RobotModel]:
     return read_recording([bag], robot=robot), robot
 
 
-@pytest.mark.usefixtures("undiagnosed")
+@pytest.mark.usefixtures("undiagnosed_once")
 @pytest.mark.parametrize("backwards", [False, pytest.param(True, marks=pytest.mark.long)])
 @pytest.mark.parametrize(("preset", "limit"), [("paper", 0.160), ("best", 0.080)])
 def test_ur10_halves_predict_each_other(
@@ -84,7 +76,7 @@ def test_filtered_torques_are_not_called_computed(
     assert "commanded" not in {finding.kind for finding in findings_of(*ur10)}
 
 
-@pytest.mark.usefixtures("undiagnosed")
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_the_two_descriptions_of_the_ur10_agree(ur10: tuple[ExperimentRecord, RobotModel]) -> None:
     record, robot = ur10
     other = load_robot(DATA / "ur10_unisa" / "ur10_robot.urdf")
@@ -98,7 +90,7 @@ def test_the_two_descriptions_of_the_ur10_agree(ur10: tuple[ExperimentRecord, Ro
     )
 
 
-@pytest.mark.usefixtures("undiagnosed")
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_panda_halves() -> None:
     robot = load_robot(DATA / "panda_gaz" / "panda.urdf")
     names = ("time", "positions", "velocity", "torques")
@@ -120,7 +112,7 @@ def test_panda_halves() -> None:
         assert min(abs(wave - expected) for wave in waves[joint]) < 1.0
 
 
-@pytest.mark.usefixtures("undiagnosed")
+@pytest.mark.usefixtures("undiagnosed_once")
 @pytest.mark.parametrize("together", [10, pytest.param(1, marks=pytest.mark.long)])
 def test_tx40_with_its_coupled_wrist(together: int) -> None:
     robot = load_robot(ROBOTS / "tx40.toml")
@@ -160,7 +152,7 @@ def kr300() -> tuple[RobotModel, ExperimentRecord, ExperimentRecord]:
     return robot, a, b
 
 
-@pytest.mark.usefixtures("undiagnosed")
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_kr300_warns_and_still_predicts(
     kr300: tuple[RobotModel, ExperimentRecord, ExperimentRecord],
 ) -> None:
@@ -230,7 +222,7 @@ def ur5() -> dict[str, ExperimentRecord]:
     return runs
 
 
-@pytest.mark.usefixtures("undiagnosed")
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_what_is_chosen_by_regions_transfers_to_another_motion(
     ur5: dict[str, ExperimentRecord],
 ) -> None:
@@ -249,7 +241,7 @@ def test_what_is_chosen_by_regions_transfers_to_another_motion(
         assert (checked.covered >= COVERED).all()
 
 
-@pytest.mark.usefixtures("undiagnosed")
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_what_is_chosen_for_this_motion_predicts_it_better(
     ur5: dict[str, ExperimentRecord],
 ) -> None:

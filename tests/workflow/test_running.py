@@ -73,6 +73,7 @@ def test_a_record_tells_the_gains_that_its_robot_does_not(tmp_path: Path) -> Non
         assert np.isfinite(measured_torque(record, arm)).all()
 
 
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_identification_takes_the_mounting_of_the_run(design: Path, tmp_path: Path) -> None:
     """Not that of the robot's file; where the robot is named, `--mount` says it."""
     path = tmp_path / "run.parquet"

@@ -85,7 +85,7 @@ def test_movej_takes_the_time_it_is_told(machine: ControllerMachine) -> None:
 @given(
     st.floats(0.0, 5.0), st.floats(0.01, 3.0), st.floats(0.01, 10.0), st.sampled_from([0.0, 1.5])
 )
-@settings(deadline=None, derandomize=True, max_examples=60)
+@settings(derandomize=True, max_examples=60)
 def test_profiles_start_and_end_at_rest(length: float, v: float, a: float, time: float) -> None:
     profile = trapezoid(length, v, a, time)
     t = np.linspace(0.0, profile.duration, 2001)
@@ -284,7 +284,7 @@ def test_two_threads_must_not_move_the_arm_in_one_cycle(machine: ControllerMachi
     assert any("another thread moves the robot" in text for text in said(machine))
 
 
-@settings(deadline=None, derandomize=True, max_examples=25)
+@settings(derandomize=True, max_examples=25)
 @given(st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6))
 def test_forward_kinematics_and_jacobian_against_pinocchio(q: list[float]) -> None:
     arm = ARMS[0]
@@ -304,7 +304,7 @@ def test_forward_kinematics_and_jacobian_against_pinocchio(q: list[float]) -> No
     assert np.abs(jacobian - expected).max() < 1e-12
 
 
-@settings(deadline=None, derandomize=True, max_examples=25)
+@settings(derandomize=True, max_examples=25)
 @given(st.lists(st.floats(-0.15, 0.15), min_size=6, max_size=6))
 def test_inverse_kinematics_finds_the_pose_nearby(change: list[float]) -> None:
     arm = ARMS[0]

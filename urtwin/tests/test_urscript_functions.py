@@ -27,7 +27,7 @@ def difference(found: list[float], expected: pin.SE3) -> float:
     return float(np.abs(transform(found).homogeneous - expected.homogeneous).max())
 
 
-@settings(deadline=None, derandomize=True, max_examples=40)
+@settings(derandomize=True, max_examples=40)
 @given(poses, poses)
 def test_poses_against_pinocchio(first: list[float], second: list[float]) -> None:
     a, b = transform(first), transform(second)
@@ -40,7 +40,7 @@ def test_poses_against_pinocchio(first: list[float], second: list[float]) -> Non
     assert difference(value(f"pose_sub({one}, {two})"), apart) < EXACT
 
 
-@settings(deadline=None, derandomize=True, max_examples=40)
+@settings(derandomize=True, max_examples=40)
 @given(st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=3), st.floats(0.0, np.pi))
 def test_rotation_vectors_up_to_half_a_turn(axis: list[float], angle: float) -> None:
     direction = np.array(axis)
@@ -63,7 +63,7 @@ def test_interpolation_ends_and_middle() -> None:
     )
 
 
-@settings(deadline=None, derandomize=True, max_examples=30)
+@settings(derandomize=True, max_examples=30)
 @given(st.lists(st.floats(-1.4, 1.4), min_size=3, max_size=3))
 def test_roll_pitch_yaw_against_scipy(angles: list[float]) -> None:
     written_angles = ", ".join(f"{angle:.17g}" for angle in angles)

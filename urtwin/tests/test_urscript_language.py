@@ -19,7 +19,7 @@ sums = st.recursive(
 )
 
 
-@settings(deadline=None, derandomize=True, max_examples=60)
+@settings(derandomize=True, max_examples=60)
 @given(sums)
 def test_arithmetic_is_that_of_floats(expression: str) -> None:
     # Our text goes through Python's own compiler: an independent reader of the same grammar.

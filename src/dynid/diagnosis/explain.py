@@ -162,7 +162,7 @@ def explain(
     # Turns about several axes do not add up.
     turn = angle_between(told.robot.gravity, ref.recording.robot.gravity)
     found = [replace(e, value=turn) if e.kind == "mounting" else e for e in found]
-    left = np.sqrt(left_out(sums)[0] / sums.rows)
+    left = np.sqrt(left_out(sums, sums.weighted())[0] / sums.rows)
     return Explained(found=tuple(found), reference=ref, values=values, left=left)
 
 
@@ -279,7 +279,7 @@ def _alone(ref: Reference, rival: Hypothesis, sums: Fits, first: int) -> Scored:
     kept = [*range(p), *range(first, first + m), sums.sums.shape[-1] - 1]
     start = replace(
         sums,
-        sums=sums.sums[:, :, kept][:, :, :, kept],
+        sums=sums.only(kept),
         own=p + m,
         mean=widened.mean,
         precision=np.block([[known, none], [none.T, wide]]),

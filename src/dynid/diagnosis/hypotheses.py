@@ -393,7 +393,8 @@ def drops(found: Fits, rivals: list[Hypothesis]) -> list[float]:
     is true, they are those of the fault.
     """
     length = found.rows / found.counts
-    normal, vector = _eliminated(replace(found, weights=found.weights * length))[:2]
+    every = replace(found, weights=found.weights * length)
+    normal, vector = _eliminated(every, every.weighted())[:2]
     out: list[float] = []
     first = 0
     for rival in rivals:
@@ -404,14 +405,14 @@ def drops(found: Fits, rivals: list[Hypothesis]) -> list[float]:
     return out
 
 
-def _eliminated(found: Fits) -> tuple[Array, Array, Array]:
-    """What is left for added columns without the reference's parameters, p = p0 - Z x.
+def _eliminated(found: Fits, blocks: Array) -> tuple[Array, Array, Array]:
+    """What its weighted sums leave for added columns without its own parameters, p = p0 - Z x.
 
     Returns:
         (m, m) normal matrix, (m) right side; (p, m + 1) Z and p0.
     """
     p = found.own
-    total = np.tensordot(found.weights, found.sums.sum(axis=0), axes=1)
+    total = blocks.sum(axis=0)
     right = total[:p, p:].copy()
     right[:, -1] += found.precision @ found.mean
     solved: Array = np.asarray(
@@ -429,8 +430,8 @@ def score(found: Fits, rival: Hypothesis, alone: Fits) -> Scored:
         rival: The rival.
         alone: Those of the reference without it, with the spread of inertias that it has then.
     """
-    p, m = found.own, len(rival.columns)
-    normal, vector, solved = _eliminated(found)
+    p, m, blocks = found.own, len(rival.columns), found.weighted()
+    normal, vector, solved = _eliminated(found, blocks)
     # Sizes far beyond the usual are not pulled toward it: theirs is the spread that they show.
     prior, inverse, x = normal, normal, np.zeros(m)
     for _ in range(WIDENINGS):
@@ -445,15 +446,15 @@ def score(found: Fits, rival: Hypothesis, alone: Fits) -> Scored:
     precision, links = found.precision.copy(), len(alone.inertial)
     precision[:links, :links] = alone.precision[:links, :links]
     without = replace(found, precision=precision, widening=alone.widening)
-    before, _ = left_out(without)
-    after, each = left_out(replace(found, own=p + m, mean=mean, precision=widened))
+    before, _ = left_out(without, blocks)
+    after, each = left_out(replace(found, own=p + m, mean=mean, precision=widened), blocks)
     away = each[:, p:] - each[:, p:].mean(axis=0)
     spread = np.sqrt((BLOCKS - 1) / BLOCKS * np.square(away).sum(axis=0))
     stds = np.hypot(spread, np.sqrt(np.maximum(np.diag(inverse), 0.0)))
     value, std = _one_number(rival.kind, x, stds)
     ratios = np.abs(np.append(x, value)) / np.maximum(np.append(stds, std), 1e-300)
     gain = 0.5 * float(found.counts @ np.log(before / after))
-    normal, vector, solved = _eliminated(without)
+    normal, vector, solved = _eliminated(without, blocks)
     unlikely = without.penalty(solved[:, -1]) - found.penalty(values)
     within: Array = np.asarray(np.linalg.inv(normal + prior), dtype=np.float64)
     occam = float(np.linalg.slogdet(within)[1]) + float(np.log(np.diag(prior)).sum())
@@ -468,13 +469,13 @@ def score(found: Fits, rival: Hypothesis, alone: Fits) -> Scored:
     )
 
 
-def left_out(found: Fits) -> tuple[Array, Array]:
+def left_out(found: Fits, blocks: Array) -> tuple[Array, Array]:
     """Squared errors (n) that a reference leaves in blocks left out, and its parameters then.
 
-    The parameters are (BLOCKS, p), a row for each block that was left out.
+    The parameters are (BLOCKS, p), a row for each block that was left out. `blocks` are the
+    weighted sums.
     """
     p = found.own
-    blocks = np.tensordot(found.weights, found.sums, axes=(0, 1))
     total = blocks.sum(axis=0)
     errors, each = np.zeros(found.sums.shape[1]), np.empty((BLOCKS, p))
     for k, block in enumerate(found.sums):

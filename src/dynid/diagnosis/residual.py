@@ -358,6 +358,21 @@ class Fits:
     own: int
     """p, columns of the reference."""
 
+    def weighted(self) -> Array:
+        """(BLOCKS, P + 1, P + 1) weighted sums over the joints."""
+        # Not tensordot(), which copies all of them first.
+        blocks, n, size, _ = self.sums.shape
+        total: Array = np.matmul(self.weights, self.sums.reshape(blocks, n, -1))
+        return total.reshape(blocks, size, size)
+
+    def only(self, kept: list[int]) -> Array:
+        """(BLOCKS, n, k, k) sums of products of some columns alone."""
+        blocks, n, size, _ = self.sums.shape
+        rows = np.array(kept)
+        places = (size * rows[:, None] + rows).ravel()
+        flat: Array = np.take(self.sums.reshape(blocks * n, -1), places, axis=1)
+        return flat.reshape(blocks, n, len(rows), len(rows))
+
     def widened(self, values: Array) -> float:
         """Square of the spread of inertias over the published one, as parameters (p) show it.
 

@@ -1,9 +1,9 @@
 """URDF and MJCF: inertias, armature, damping and dry friction of an identified arm."""
 
+import html
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
-from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -133,7 +133,7 @@ def numbers(*values: float) -> str:
 def comment(remarks: Iterable[str]) -> str:
     """Lines as the comment on top of a file."""
     lines = [
-        escape(printable(line, None)).replace("--", "- -")
+        html.escape(printable(line, None), quote=False).replace("--", "- -")
         for remark in remarks
         for line in remark.splitlines()
     ]

@@ -4,9 +4,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core import Array, Indices, InputError, Mask
+from dynid.core import Array, Indices, InputError, Mask, scipy_part
 from dynid.identification.bayesian import not_negative, published_prior
 from dynid.identification.problem import block_mean, chunk_size, motion_state, recorded_rows
 from dynid.identification.selection import gram
@@ -119,7 +118,9 @@ def _moved(signals: UniformSignals, late_s: float, circular: bool) -> UniformSig
 
     def moved(values: Array) -> Array:
         whole = np.concatenate([values, values[:1]]) if circular else values
-        spline = CubicSpline(index, whole, bc_type="periodic" if circular else "not-a-knot")
+        spline = scipy_part("interpolate").CubicSpline(
+            index, whole, bc_type="periodic" if circular else "not-a-knot"
+        )
         at = index[: len(values)] - late_s * signals.rate_hz
         return np.asarray(spline(at), dtype=np.float64)
 
