@@ -39,7 +39,8 @@ EVIDENT, BY_CHANCE = 5.0, 0.01
 """Log of the Bayes factor over none that an explanation needs [nats], and the chance (Student's t
 of the blocks left out) by which one of its sizes is that large where there is none."""
 LIKELY = 22.0
-"""... and the drop of the left-out negative log likelihood where one of two fits does not [nats]."""
+"""... and the drop of the left-out negative log likelihood where only one of two fits shows it
+[nats]."""
 LIKE_FRICTION = frozenset({"flexibility"})
 """Kinds with torques like those of friction that builds up: fast rows alone do not show them."""
 WORTH_A_LOOK, LOOKS = 4.0, 8

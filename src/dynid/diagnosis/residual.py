@@ -325,8 +325,8 @@ def quickest(ref: Reference, values: Array, counts: Array) -> Array:
             parts = np.array([x @ x.T for x in np.split(rows, cuts[1:-1], axis=1)])
             inner = parts.sum(axis=0) - parts
             ridge = 1e-6 * np.eye(len(rows) - 1)
-            sizes = np.linalg.solve(inner[:, :-1, :-1] + ridge, inner[:, :-1, -1:])
-            ways = np.concatenate([-sizes, np.ones((BLOCKS, 1, 1))], axis=1)[:, :, 0]
+            ways = np.ones((BLOCKS, len(rows)))
+            ways[:, :-1] = -np.linalg.solve(inner[:, :-1, :-1] + ridge, inner[:, :-1, -1:])[..., 0]
             left = float(np.einsum("bi,bij,bj->", ways, parts, ways))
             costs[k, j] = 0.5 * counts[j] * np.log(max(left, 1e-300))
     costs[0] -= 1.0
