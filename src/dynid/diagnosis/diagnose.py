@@ -305,7 +305,7 @@ def _signals(
     stopped: list[int] = np.flatnonzero(ends).tolist()
     torque = np.sqrt(np.square(rec.tau).mean(axis=0))
     size = robot.limits.size
-    limit = np.where(np.isfinite(size), size, 3 * torque)
+    limit = np.where(np.isfinite(size), size, 3 * np.maximum(torque, 1e-300))
     for j in stopped:
         text = f"torque of {robot.joint_names[j]} stops at a limit"
         found.append(Finding("saturated", text, joints=(j,), next_step="record a slower motion"))
