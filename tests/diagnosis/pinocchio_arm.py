@@ -38,6 +38,8 @@ class Wrong:
 
     scales: tuple[float, float, float] = (1.0, 1.0, 1.0)
     tilt_deg: float = 0.0
+    friction: float = 1.0
+    """Coulomb and viscous friction over the usual one."""
     load_friction: float = 0.0
     push: float = 0.0
     """Force on the flange from 6.0 s [N]."""
@@ -115,11 +117,12 @@ def recording(wrong: Wrong) -> ExperimentRecord:
         pin.computeJointJacobians(model, data, q[k])
         frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         link[k] += pin.getJointJacobian(model, data, 3, frame).T @ push
-    viscous = VISCOUS * (1 - wrong.warming * t[:, None] / t[-1])
+    viscous = wrong.friction * VISCOUS * (1 - wrong.warming * t[:, None] / t[-1])
     turns = np.eye(3)
     turns[2, 1] = wrong.coupled
     motor, turned = link @ np.linalg.inv(turns), dq @ turns.T
-    motor += (COULOMB + wrong.load_friction * np.abs(motor)) * np.tanh(turned / 0.001)
+    coulomb = wrong.friction * COULOMB
+    motor += (coulomb + wrong.load_friction * np.abs(motor)) * np.tanh(turned / 0.001)
     motor += viscous * turned
     torque = motor @ turns if wrong.side == "friction" else motor
     if wrong.side == "motors":

@@ -47,6 +47,13 @@ def test_clean_recordings_raise_no_finding(tmp_path: Path, wrong: Wrong) -> None
     assert faults(tmp_path, wrong) == []
 
 
+def test_one_limit_for_all_joints_tells_nothing_of_their_friction(tmp_path: Path) -> None:
+    """Of 1000 N.m the friction is 0.2 %: it was called compensated."""
+    robot = arm(tmp_path)
+    limits = replace(robot.limits, torque=np.full(3, 1000.0))
+    assert findings_of(recording(Wrong(friction=0.5)), replace(robot, limits=limits)) == ()
+
+
 def test_noise_is_that_of_the_rows_that_count(tmp_path: Path) -> None:
     robot = arm(tmp_path)
     rec = recording_of(robot, process(recording(Wrong()), robot, ProcessingSettings()))

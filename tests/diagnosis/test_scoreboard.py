@@ -123,6 +123,21 @@ def test_planted_faults_are_named(
     assert (told["cases"], told["named"]) == (1, 1)
 
 
+def test_light_links_of_an_unpublished_arm_are_fitted_as_well_as_heavy_ones() -> None:
+    """Of a hundredth of the torques, 12 to 32 times as much was left of four joints."""
+    made = recorded(Case(arm="ur10e", motion="fourier", rate_hz=125.0, duration_s=10.0, seed=1))
+    unknown = replace(made.robot, inertias=np.full_like(made.robot.inertias, np.nan))
+    samples, prior = process(made.record, unknown), inertial_prior(unknown)
+    parts = {name: np.array(getattr(samples, name)) for name in ("t", "q", "dq", "ddq", "tau")}
+    left: list[np.ndarray] = []
+    for lighter in (1.0, 0.01):
+        scaled = parts | {"tau": lighter * parts["tau"]}
+        ref = reference(Recording(robot=unknown, block=1, **scaled), prior)
+        _, values = fits(ref)
+        left.append(np.square(ref.left(values)).mean(axis=1) / lighter**2)
+    np.testing.assert_allclose(left[1], left[0], rtol=0.3)
+
+
 def test_torques_without_any_error_need_nothing_put_right() -> None:
     """A normal matrix is nearly singular then, and errors of 1e-8 tell rivals apart."""
     (case,) = [

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from design_arms import arm, problem
@@ -100,3 +102,17 @@ def test_the_whole_workspace_is_moved_through_safely() -> None:
 
 def test_noise_is_a_share_of_the_torque_limits() -> None:
     np.testing.assert_allclose(assumed_noise(load_robot("ur5")), [2.1] * 3 + [0.392] * 3, rtol=1e-9)
+
+
+def test_one_limit_of_all_joints_says_as_little_of_noise_as_none() -> None:
+    motions, found = _motions(3, seed=5), {}
+    for limit in (80.0, 8000.0, np.nan):
+        robot = arm()
+        robot = replace(robot, limits=replace(robot.limits, torque=np.full(3, limit)))
+        purpose = purpose_of(problem(robot).base, motions, "a task")
+        found[limit] = (purpose.torque, assumed_noise(robot, purpose.torque))
+    for torque, noise in found.values():
+        np.testing.assert_array_equal(torque, found[80.0][0])
+        # A UR5's is 0.06 of its second joint's RMS torque, 0.012 of that for its wrists.
+        assert (noise > 0.01 * torque.max()).all()
+        assert (noise <= 0.06 * torque.max()).all()

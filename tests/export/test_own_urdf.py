@@ -49,7 +49,7 @@ ARM = """<?xml version="1.0" encoding="utf-8"?>
   </link>
   <joint name="turn" type="continuous">
     <origin xyz="0 0 .3"/><parent link="table"/><child link="turret"/><axis xyz="0 0 1"/>
-    <limit effort="80" velocity="2"/>
+    <limit other:acceleration="2.5" effort="80" velocity="2"/>
   </joint>
   <joint name="lift" type="revolute">
     <origin xyz="0 .1 .2" rpy=".1 .2 .3"/><parent link="turret"/><child link="boom"/>

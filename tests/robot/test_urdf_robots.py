@@ -90,6 +90,13 @@ def test_a_xacro_arm_with_everything_in_it(tmp_path: Path) -> None:
     np.testing.assert_allclose(robot.flange[:3, 3], [0, 0, 0.3], atol=1e-15)
 
 
+def test_a_prefix_that_nothing_declares(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    text = ARM.replace("0 -2 0", "0 -1 0").replace("<limit ", '<limit drake:acceleration="2" ')
+    path.write_text(text.replace("</robot>", "<drake:group/></robot>"))
+    _agrees(robot := load_urdf(path), _reduced(path, robot))
+
+
 def test_locked_joints_and_tips_of_choice(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
     path.write_text(ARM.replace("0 -2 0", "0 -1 0"))

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array
-from dynid.diagnosis.residual import BLOCKS, LEAST_ERROR, Fits, Recording, Reference
+from dynid.diagnosis.residual import BLOCKS, LEAST_ERROR, Fits, Recording, Reference, solution
 from dynid.regressor import InverseDynamicModel, motor_turns
 from dynid.robot import RobotModel, from_pseudo_inertia
 
@@ -415,9 +415,7 @@ def _eliminated(found: Fits, blocks: Array) -> tuple[Array, Array, Array]:
     total = blocks.sum(axis=0)
     right = total[:p, p:].copy()
     right[:, -1] += found.precision @ found.mean
-    solved: Array = np.asarray(
-        np.linalg.solve(total[:p, :p] + found.precision, right), dtype=np.float64
-    )
+    solved = solution(total[:p, :p] + found.precision, right)
     left: Array = np.asarray(total[p:-1, p:] - total[p:-1, :p] @ solved, dtype=np.float64)
     return left[:, :-1], left[:, -1], solved
 
@@ -480,8 +478,8 @@ def left_out(found: Fits, blocks: Array) -> tuple[Array, Array]:
     errors, each = np.zeros(found.sums.shape[1]), np.empty((BLOCKS, p))
     for k, block in enumerate(found.sums):
         weighted = total - blocks[k]
-        right = weighted[:p, -1] + found.precision @ found.mean
-        each[k] = np.linalg.solve(weighted[:p, :p] + found.precision, right)
+        right = weighted[:p, -1:] + (found.precision @ found.mean)[:, None]
+        each[k] = solution(weighted[:p, :p] + found.precision, right)[:, 0]
         way = np.zeros(len(total))
         way[:p], way[-1] = -each[k], 1.0
         errors += (block @ way) @ way

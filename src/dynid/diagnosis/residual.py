@@ -443,6 +443,17 @@ def fits(ref: Reference) -> tuple[Fits, Array]:
     return settled(ref, found, SWEEPS)
 
 
+def solution(matrix: Array, right: Array) -> Array:
+    """What a positive definite matrix (p, p) takes to (p, m), whatever the units of its parameters.
+
+    Each is scaled by its deviation (van der Sluis 1969): guessed links of a heavy arm are known to
+    tons and its friction to 1e-4 N.m, which rounding does not keep apart otherwise.
+    """
+    scale = 1 / np.sqrt(np.diag(matrix))[:, None]
+    inner = np.linalg.solve(matrix * scale * scale.T, right * scale)
+    return np.asarray(scale * inner, dtype=np.float64)
+
+
 def settled(ref: Reference, found: Fits, sweeps: int) -> tuple[Fits, Array]:
     """Sums weighted by what their reference leaves, and (p) its parameters.
 
@@ -456,10 +467,8 @@ def settled(ref: Reference, found: Fits, sweeps: int) -> tuple[Fits, Array]:
     least = LEAST_ERROR * np.square(ref.torque).mean(axis=1) + 1e-18
     sums = found.sums.sum(axis=0)
     for _ in range(sweeps):
-        total = np.tensordot(found.weights, sums, axes=1)
-        covariance: Array = np.asarray(
-            np.linalg.inv(total[:p, :p] + found.precision), dtype=np.float64
-        )
+        total: Array = np.asarray(np.tensordot(found.weights, sums, axes=1), np.float64)
+        covariance = solution(total[:p, :p] + found.precision, np.eye(p))
         right = np.asarray(total[:p, -1] + found.precision @ found.mean, dtype=np.float64)
         values = covariance @ right
         error = ref.left(values)

@@ -9,7 +9,6 @@ import os
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +24,7 @@ from dynid.export.robot_xml import (
     refuse_negative_friction,
     urdf_remarks,
 )
-from dynid.robot import UrdfLink, is_physical, move, urdf_links
+from dynid.robot import UrdfLink, is_physical, move, parse_xml, urdf_links
 
 _FLOOR = (0.0, 0.0, -9.80665)
 _OTHER_SCHEMES = ("://", ":\\")
@@ -50,7 +49,8 @@ def own_urdf_text(model: ExportModel, note: str, file: Path, output: Path) -> st
     kept, rest = _kept(links, model.inertials)
     found = bodies(replace(model, inertials=rest))
     # Only now, that it is known to be sound, once more with its comments.
-    root, above = _with_comments(file.read_bytes().lstrip())
+    builder = _CommentBuilder()
+    root = parse_xml(file.read_bytes().lstrip(), builder)
     elements = {_name(element): element for element in _children(root, "link")}
     moved = {_name(element): element for element in _children(root, "joint")}
     children = [_child(moved[name]) for name in model.robot.joint_names]
@@ -75,17 +75,27 @@ def own_urdf_text(model: ExportModel, note: str, file: Path, output: Path) -> st
         remarks.append(f"Gravity in the frame of its root: {numbers(*model.robot.gravity)} m/s^2.")
     # As most writers of URDF close an element, so that the two files compare line by line.
     text = ET.tostring(root, encoding="unicode").replace('" />', '"/>')
-    return "\n".join([HEAD, comment([*remarks, *urdf_remarks(model, note)]), *above, text, ""])
+    return "\n".join(
+        [HEAD, comment([*remarks, *urdf_remarks(model, note)]), *builder.above, text, ""]
+    )
 
 
-def _with_comments(data: bytes) -> tuple[ET.Element, list[str]]:
-    """The outer element with the comments in it, and those above it."""
-    above: list[str] = []
-    for kind, item in ET.iterparse(BytesIO(data), ("comment", "start")):
-        if kind == "start":
-            break
-        above.append(f"<!--{item.text}-->")
-    return ET.fromstring(data, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True))), above
+class _CommentBuilder(ET.TreeBuilder):
+    """A tree builder that keeps comments, those above the outer element apart."""
+
+    def __init__(self) -> None:
+        super().__init__(insert_comments=True)
+        self.above: list[str] = []
+        self._begun = False
+
+    def start(self, tag: str, attrs: dict[str, str], /) -> ET.Element:  # pyright: ignore[reportIncompatibleMethodOverride]
+        self._begun = True
+        return super().start(tag, attrs)
+
+    def comment(self, text: str | None, /) -> ET.Element:
+        if not self._begun:
+            self.above.append(f"<!--{text}-->")
+        return super().comment(text)
 
 
 def _kept(links: Sequence[UrdfLink], inertials: Array) -> tuple[set[str], Array]:
@@ -106,8 +116,8 @@ def _kept(links: Sequence[UrdfLink], inertials: Array) -> tuple[set[str], Array]
 
 
 def _children(root: ET.Element, tag: str) -> Iterator[ET.Element]:
-    """Elements by name, whatever their namespace."""
-    return (item for item in root if str(item.tag).rpartition("}")[2] == tag)
+    """Elements by name, whatever their prefix."""
+    return (item for item in root if str(item.tag).rpartition(":")[2] == tag)
 
 
 def _part(element: ET.Element, tag: str) -> ET.Element:

@@ -49,3 +49,4 @@ from dynid.robot.urdf import UrdfLink as UrdfLink
 from dynid.robot.urdf import robot_from_urdf as robot_from_urdf
 from dynid.robot.urdf import urdf_links as urdf_links
 from dynid.robot.urdf_bodies import urdf_shapes as urdf_shapes
+from dynid.robot.urdf_xml import parse_xml as parse_xml

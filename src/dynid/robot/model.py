@@ -74,6 +74,16 @@ class JointLimits(MotionBounds):
     torque: Array
     """(n) largest torque or force [N.m or N], NaN if unknown."""
 
+    @property
+    def size(self) -> Array:
+        """(n) torque limits that tell how large a joint is [N.m or N], NaN where none does.
+
+        One number for three joints or more is a placeholder: motors of an arm differ. It is judged
+        as a limit all the same.
+        """
+        same = len(self.torque) > 2 and np.ptp(self.torque) == 0
+        return np.full(len(self.torque), math.nan) if same else self.torque
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SafetyLimits:

@@ -5,6 +5,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
+from xml.parsers import expat
 
 import numpy as np
 
@@ -180,7 +181,7 @@ def parse_urdf(data: bytes, where: str) -> UrdfTree:
 
 
 class _ShallowBuilder(ET.TreeBuilder):
-    """A tree builder that refuses absurd depth and drops namespaces."""
+    """A tree builder that refuses absurd depth."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -192,14 +193,36 @@ class _ShallowBuilder(ET.TreeBuilder):
             raise ET.ParseError(f"elements nest more than {_MAX_DEPTH} deep")
         if "xacro" in tag:
             raise ET.ParseError("this is a xacro file, not a URDF")
-        return super().start(tag.rpartition("}")[2], attrs)
+        return super().start(tag.rpartition(":")[2], attrs)
 
     def end(self, tag: str, /) -> ET.Element:
         self._depth -= 1
-        return super().end(tag.rpartition("}")[2])
+        return super().end(tag.rpartition(":")[2])
 
-    def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
-        raise ET.ParseError("a URDF with a document type is refused")
+
+def parse_xml(data: bytes, builder: ET.TreeBuilder) -> ET.Element:
+    """The outer element, names and attributes with the prefixes that the file gives them.
+
+    URDF has no namespaces: its loaders read `drake:` or `gazebo:` also where nothing declares it.
+
+    Raises:
+        expat.ExpatError: Not well-formed.
+        ET.ParseError: A document type, or what the builder refuses.
+        LookupError: An unknown encoding.
+    """
+    parser = expat.ParserCreate()
+    parser.buffer_text = True
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
+    parser.CharacterDataHandler = builder.data
+    parser.CommentHandler = builder.comment
+    parser.StartDoctypeDeclHandler = _refuse_doctype
+    parser.Parse(data, True)
+    return builder.close()
+
+
+def _refuse_doctype(*_: object) -> None:
+    raise ET.ParseError("a URDF with a document type is refused")
 
 
 def parse_root(data: bytes, where: str) -> ET.Element:
@@ -212,8 +235,8 @@ def parse_root(data: bytes, where: str) -> ET.Element:
     if not text:
         raise RobotError("the file is empty", where=where)
     try:
-        root = ET.fromstring(text, ET.XMLParser(target=_ShallowBuilder()))
-    except (ET.ParseError, LookupError, ValueError, RecursionError) as error:
+        root = parse_xml(text, _ShallowBuilder())
+    except (expat.ExpatError, ET.ParseError, LookupError, ValueError, RecursionError) as error:
         reason = printable(error, 120)
         step = "Run: xacro FILE > FILE.urdf" if b"xacro:" in text else None
         raise RobotError(f"not well-formed XML ({reason})", where=where, next_step=step) from error

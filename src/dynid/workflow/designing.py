@@ -139,8 +139,7 @@ class _DesignJob:
         model = InverseDynamicModel(robot=robot, frames=asked.frames, friction=terms)
         self.base = reduce_model(model)
         given = None if asked.noise is None else _each(asked.noise, robot.joints, "--noise")
-        self.noise: Array = excitation.assumed_noise(robot) if given is None else given
-        self.weights: Array | None = given if asked.minimised in PAPER else self.noise
+        self.weights: Array | None = given
         excitation.check_room(self.judge, excitation.region_of(self._problem(asked.period_s, None)))
         if asked.motions:
             source = ", ".join(map(str, asked.motions))
@@ -148,6 +147,9 @@ class _DesignJob:
         else:
             source, motions = excitation.ANYWHERE, excitation.safe_motions(self.base, self.judge)
         self.purpose = excitation.purpose_of(self.base, motions, source)
+        assumed = excitation.assumed_noise(robot, self.purpose.torque)
+        self.noise: Array = assumed if given is None else given
+        self.weights = given if asked.minimised in PAPER else self.noise
         self.previous: Array | None = self._information(self.noise) if asked.previous else None
 
     def design(self, period_s: float, repetitions: int = 1) -> excitation.ExcitationDesign:
