@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynid.bench import Case, Judged, Recorded, recorded, run_verdicts, summarise
+from dynid.bench import Case, Judged, Recorded, plant, recorded, run_verdicts, summarise
 from dynid.diagnosis import Recording, findings_of
-from dynid.diagnosis.residual import fits, inertial_prior, reference
+from dynid.diagnosis.residual import fits, inertial_prior, presliding_of, reference
 from dynid.diagnosis.whole_signals import whole_signals
 from dynid.signals import process
 
+GRID_DECADES = 0.3
+"""Distances that are tried are half a decade apart."""
 CLEAN = (
     Case(arm="sliding", motion="fourier", rate_hz=125.0, duration_s=10.0, seed=1),
     Case(arm="ur3", motion="waypoints", rate_hz=125.0, duration_s=10.0, seed=2),
@@ -25,6 +27,8 @@ CLEAN = (
     Case(arm="ur5", motion="teach", rate_hz=125.0, duration_s=10.0, seed=775454470),
     # All rows show a coupled motor clearly, fast ones do not.
     Case(arm="seven", motion="teach", rate_hz=500.0, duration_s=15.0, seed=463829848),
+    # All rows show a wrist that is a quarter turn off, fast ones do not.
+    Case(arm="ur5", motion="teach", rate_hz=125.0, duration_s=10.0, seed=861373046),
 )
 PLANTED = (
     ("sliding", "teach", 125.0, 10.0, 514993393, "clock", "large"),
@@ -59,6 +63,12 @@ PLANTED = (
     ("ur3", "teach", 100.0, 20.0, 463936486, "delay", "medium"),
     # A payload, of more sizes, leaves as little.
     ("ur5", "fourier", 250.0, 15.0, 314265696, "quarter_turn", "large"),
+    # Friction that builds up over a tenth of the usual distance hides it.
+    ("ur3", "teach", 250.0, 15.0, 1000052415, "tilt", "medium"),
+    # What a body adds is not all torques larger: its centre is off the flange.
+    ("ur10e", "waypoints", 500.0, 15.0, 749940876, "payload", "large"),
+    # Surely and evidently in both fits, though blocks left out are not predicted better.
+    ("ur10e", "teach", 125.0, 30.0, 67384537, "payload", "medium"),
 )
 SLOW = (
     # Other recordings with these faults are above.
@@ -79,6 +89,12 @@ def judge(made: Recorded) -> Judged:
         t=made.validation.t,
         predicted=made.clean,
     )
+
+
+def as_recording(made: Recorded, block: int) -> Recording:
+    samples = process(made.record, made.robot)
+    parts = {name: np.array(getattr(samples, name)) for name in ("t", "q", "dq", "ddq", "tau")}
+    return Recording(robot=made.robot, block=block, **parts)
 
 
 @pytest.mark.parametrize("case", CLEAN, ids=lambda case: f"{case.arm}-{case.motion}")
@@ -138,6 +154,21 @@ def test_light_links_of_an_unpublished_arm_are_fitted_as_well_as_heavy_ones() ->
     np.testing.assert_allclose(left[1], left[0], rtol=0.3)
 
 
+@pytest.mark.parametrize("fault", [None, "joint_delay"])
+def test_friction_builds_up_over_the_distance_that_it_did(fault: str | None) -> None:
+    """A torque that is late looks like a longer distance."""
+    case = Case(
+        arm="heavy", motion="waypoints", rate_hz=500.0, duration_s=20.0, seed=10, fault=fault,
+        size="large",
+    )  # fmt: skip
+    made = recorded(case)
+    ref = reference(as_recording(made, block=5), inertial_prior(made.robot))
+    sums, values = fits(ref)
+    found = presliding_of(ref, values, sums.counts) * np.ptp(ref.recording.q, axis=0)
+    decades = np.abs(np.log10(found / plant(made.robot, case.seed).presliding))
+    assert decades.max() < GRID_DECADES
+
+
 def test_torques_without_any_error_need_nothing_put_right() -> None:
     """A normal matrix is nearly singular then, and errors of 1e-8 tell rivals apart."""
     (case,) = [
@@ -148,9 +179,8 @@ def test_torques_without_any_error_need_nothing_put_right() -> None:
         if (arm, fault) == ("ur3", "commanded")
     ]
     made = recorded(case)
-    samples, prior = process(made.record, made.robot), inertial_prior(made.robot)
-    parts = {name: np.array(getattr(samples, name)) for name in ("t", "q", "dq", "ddq", "tau")}
-    ref = reference(Recording(robot=made.robot, block=1, **parts), prior)
+    prior = inertial_prior(made.robot)
+    ref = reference(as_recording(made, block=1), prior)
     assert whole_signals(ref, *fits(ref), prior) == []
 
 

@@ -22,7 +22,7 @@ from dynid.diagnosis.residual import (
     Reference,
     fits,
     inertial_prior,
-    quickest,
+    presliding_of,
     reference,
     settled,
     sums_of,
@@ -117,12 +117,12 @@ def explain(
     while True:
         ref, sums, values = fitted
         links = values[: 10 * n]
-        fast = _fitted(recording.fast(), prior, added, links)
-        admitted = _ranked((fitted, fast), found)
+        both = fitted, _fitted(recording.fast(), prior, added, links)
+        admitted = _ranked(both, found)
         while admitted and not _confirmed(fitted, prior, added, admitted[0], found):
             admitted = admitted[1:]
         if not right and len(found) < MOST and doubtful(ref, values):
-            whole = _whole(fitted, prior, added, admitted[:1], offsets and not found)
+            whole = _whole(both, prior, added, admitted[:1], offsets and not found)
             if whole is not None:
                 right = True
                 found.append(whole[0])
@@ -172,14 +172,24 @@ _Fitted = tuple[Reference, Fits, Array]
 
 
 def _whole(
-    start: _Fitted,
+    both: tuple[_Fitted, _Fitted],
     prior: tuple[Array, Array],
     added: list[Hypothesis],
     best: list[Scored],
     offsets: bool,
 ) -> tuple[Explanation, _Fitted] | None:
-    """The signal that explains most when it is put right, and the fit then."""
-    ref, sums, values = start
+    """The signal that explains most when it is put right, and the fit then.
+
+    Fast rows have to show it as well: way points are few, and friction about their stops is not.
+    """
+    ref, sums, values = both[0]
+    n = ref.recording.robot.joints
+
+    def drop(recording: Recording, added: list[Hypothesis]) -> tuple[float, _Fitted]:
+        other = _fitted(recording, prior, added)
+        fast = _fitted(other[0].recording.fast(), prior, added, other[2][: 10 * n])
+        return min(_drop(both[0], other), _drop(both[1], fast)), other
+
     wholes = whole_signals(ref, sums, values, prior)
     wholes = [w for w in wholes if offsets or w.kind != "clock_offset"]
     most, out = 0.0, None
@@ -187,17 +197,15 @@ def _whole(
     for rival in best if wholes else ():
         known = rival.hypothesis
         undone = known.undo(ref.recording, rival.values) if known.undo else ref.recording
-        other = _fitted(undone, prior, added if known.undo else [*added, known])
-        most = max(0.0, _drop(start, other))
+        most = max(0.0, drop(undone, added if known.undo else [*added, known])[0])
     for whole in wholes:
-        other = _fitted(whole.recording, prior, added)
-        drop = _drop(start, other)
+        score, other = drop(whole.recording, added)
         least = OFFSET_LIKELY if whole.kind == "clock_offset" else WHOLE_LIKELY
-        if drop > max(most, least):
-            most = drop
+        if score > max(most, least):
+            most = score
             now = Explanation(
                 kind=whole.kind, joints=whole.joints, value=whole.value, std=0.0,
-                unit=whole.unit, score=drop,
+                unit=whole.unit, score=score,
             )  # fmt: skip
             out = now, other
     return out
@@ -228,17 +236,23 @@ def _ranked(both: tuple[_Fitted, _Fitted], found: list[Explanation]) -> list[Sco
     for k in likely[0] | likely[1]:
         whole, fast = (one[k] if k in one else alone(fit, k) for fit, one in enumerate(likely))
         shown = [_admitted(s, found) for s in (whole, fast)]
-        by_fast = rivals[k].kind not in LIKE_FRICTION and _outweighs(fast, whole)
-        if all(shown) or (_outweighs(whole, fast) if shown[0] else by_fast):
+        one, other = (whole, fast) if shown[0] else (fast, whole)
+        if all(shown) or _outweighs(one, other, by_all=shown[0]):
             size = min((whole, fast), key=lambda s: s.std)
             out.append(replace(size, score=whole.score + fast.score))
     return sorted(out, key=lambda s: -s.score)
 
 
-def _outweighs(one: Scored, other: Scored) -> bool:
-    """Whether one fit shows a fault so well that the other need only lean to the same size."""
+def _outweighs(one: Scored, other: Scored, *, by_all: bool) -> bool:
+    """Whether one fit shows a fault so well that the other need only agree on its size.
+
+    Few rows may be fast, which tell little then; all rows have to lean to a fault as well.
+    """
+    kind = one.hypothesis.kind
     agrees = abs(one.value - other.value) < 2 * np.hypot(one.std, other.std)
-    return bool(one.score > LIKELY and agrees and other.certainty > 1)
+    alone = by_all and kind not in COUPLED
+    leans = other.certainty > 1 and (by_all or kind not in LIKE_FRICTION)
+    return bool(one.score > LIKELY and agrees and (alone or leans))
 
 
 def _drop(one: _Fitted, other: _Fitted) -> float:
@@ -366,7 +380,7 @@ def _fitted(
     if inertial is None:
         ref, sums, first = _fitted(recording, prior, added, prior[0])
         inertial = first[: 10 * recording.robot.joints]
-        recording = replace(recording, quick=quickest(ref, first, sums.counts))
+        recording = replace(recording, presliding=presliding_of(ref, first, sums.counts))
     columns = np.concatenate([h.columns for h in added]) if added else None
     spread = np.concatenate([h.width for h in added]) if added else None
     ref = reference(recording, prior, inertial, columns, spread)

@@ -74,7 +74,7 @@ class Recording:
     """Rows are averages over so many samples."""
     apart: Mask | None = None
     """(N, n) torques that do not belong to the motion: at a limit, in a contact. None for none."""
-    quick: Array | None = None
+    presliding: Array | None = None
     """(n) displacement over which friction builds up quickly, share of travel; None: the first."""
 
     @property
@@ -219,7 +219,7 @@ def _parts(rec: Recording, inertial: Array) -> Iterator[tuple[slice, Array]]:
     turned = turns @ rec.q.T
     fast = np.maximum(np.percentile(np.abs(turns @ rec.dq.T), 98, axis=1), 1e-6)[:, None]
     travel = np.maximum(np.ptp(turned, axis=1), 1e-6)
-    quick = np.full(n, QUICK[0]) if rec.quick is None else rec.quick
+    quick = np.full(n, QUICK[0]) if rec.presliding is None else rec.presliding
     states = [friction_state(turned, d * travel) for d in (quick[joints], GRADUAL)]
     step = max(1, CHUNK // rec.block) * rec.block
     for first in range(0, len(rec.t), step):
@@ -292,7 +292,7 @@ def _falling(speed: Array) -> Array:
     return np.exp(-np.square(speed / 0.05))
 
 
-def quickest(ref: Reference, values: Array, counts: Array) -> Array:
+def presliding_of(ref: Reference, values: Array, counts: Array) -> Array:
     """(n) displacement over which friction builds up quickly, share of travel: what explains most.
 
     Near reversals a displacement that is wrong leaves up to seven times the noise. Each is tried
@@ -311,24 +311,28 @@ def quickest(ref: Reference, values: Array, counts: Array) -> Array:
     travel = np.maximum(np.ptp(rec.q, axis=0), 1e-6)
     states = [rec.average(friction_state(rec.q.T, d * travel)) for d in QUICK]
     error = ref.left(values)
-    cuts = np.arange(BLOCKS + 1) * error.shape[1] // BLOCKS
+    kept = rec.measured(np.ones_like(error))
+    cuts = np.arange(1, BLOCKS) * error.shape[1] // BLOCKS
     costs = np.empty((len(QUICK), n))
     for j in range(n):
         own = [10 * n + j, *range(ref.shapes.start + j, ref.shapes.stop, count)]
-        torque = rec.measured(error)[j] + values[own] @ ref.columns[own, j]
+        torque = error[j] + values[own] @ ref.columns[own, j]
+        # A delay stands beside it: it may not be taken for another displacement.
         rest = [own[k] for k in range(len(own)) if k - 1 not in FOLLOW]
+        beside = np.vstack([ref.columns[rest, j], np.gradient(ref.torque[j] - error[j])])
         for k, state in enumerate(states):
             shapes = state[j] * np.array([np.ones_like(slow[j]), slow[j], load[j]])
-            rows = np.concatenate([ref.columns[rest, j], shapes])
+            rows = np.concatenate([beside, shapes])
             rows /= np.sqrt(np.square(rows).sum(axis=1, keepdims=True)) + 1e-300
-            rows = np.vstack([rows, torque])
-            parts = np.array([x @ x.T for x in np.split(rows, cuts[1:-1], axis=1)])
+            rows = kept[j] * np.vstack([rows, torque])
+            parts = np.array([x @ x.T for x in np.split(rows, cuts, axis=1)])
             inner = parts.sum(axis=0) - parts
             ridge = 1e-6 * np.eye(len(rows) - 1)
             ways = np.ones((BLOCKS, len(rows)))
             ways[:, :-1] = -np.linalg.solve(inner[:, :-1, :-1] + ridge, inner[:, :-1, -1:])[..., 0]
             left = float(np.einsum("bi,bij,bj->", ways, parts, ways))
             costs[k, j] = 0.5 * counts[j] * np.log(max(left, 1e-300))
+    # Another one has to be worth a nat.
     costs[0] -= 1.0
     return np.array(QUICK)[costs.argmin(axis=0)]
 
