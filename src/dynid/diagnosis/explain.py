@@ -394,10 +394,10 @@ def _admitted(scored: Scored, found: list[Explanation]) -> bool:
         return False
     # A size that was found before may be corrected downwards.
     physical = scored.value > known.lowest or any(_same(item, known) for item in found)
-    # Several sizes: one of them is large by chance more often.
+    # Of several sizes one is large by chance more often, and the one that is told may be none.
     tail = 0.5 * BY_CHANCE / known.free
     certain = -float(scipy_part("special").stdtrit(BLOCKS - 1, tail))
-    sure = scored.certainty > certain and size > known.least
+    sure = scored.certainty > certain and size > max(known.least, scored.std)
     return physical and sure and scored.evidence > EVIDENT
 
 
