@@ -299,7 +299,7 @@ def presliding_of(ref: Reference, values: Array, counts: Array) -> Array:
     on what a first fit leaves for the friction of a joint, and judged by blocks left out.
 
     Args:
-        ref: A reference with the first displacement.
+        ref: A reference with any displacement.
         values: (p) its parameters.
         counts: (n) independent rows.
     """
