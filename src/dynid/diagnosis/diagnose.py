@@ -304,7 +304,7 @@ def _signals(
     ends = at_limit(samples.tau, robot.limits.torque).any(axis=0) & (not made)
     stopped: list[int] = np.flatnonzero(ends).tolist()
     torque = np.sqrt(np.square(rec.tau).mean(axis=0))
-    size = robot.limits.size
+    size = robot.limits.rated_torque
     limit = np.where(np.isfinite(size), size, 3 * np.maximum(torque, 1e-300))
     for j in stopped:
         text = f"torque of {robot.joint_names[j]} stops at a limit"

@@ -196,15 +196,12 @@ def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hy
 def _at_the_flange(ref: Reference) -> tuple[Array, float]:
     """(10, n, T) columns of a body there, and the mass that the arm is expected to carry [kg].
 
-    Of a point at the flange; of its first moments, to first order in how far it is from there;
-    then of second moments.
+    Of a point at the flange; then of what its first and second moments differ by.
     """
     n = ref.recording.robot.joints
     place = np.append(ref.recording.robot.flange[:3, 3], 1.0)
-    moved = [np.outer(place, e) + np.outer(e, place) for e in np.eye(4)[:3]]
-    point = from_pseudo_inertia(np.array([np.outer(place, place), *moved]))
     body = ref.columns[10 * (n - 1) : 10 * n].copy()
-    body[:4] = np.tensordot(point, body, axes=1)
+    body[0] = np.tensordot(from_pseudo_inertia(np.outer(place, place)), body, axes=1)
     return body, PAYLOAD * float(ref.mean[: 10 * n : 10].sum())
 
 

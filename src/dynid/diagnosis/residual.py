@@ -32,8 +32,8 @@ ROWS = 1600
 WIDTHS = (0.005, 0.06)
 """Smoothing velocities of the Coulomb columns, shares of the joint's usual top speed."""
 QUICK, GRADUAL = (1e-3, 3e-4, 1e-4, 3e-5), 6e-3
-"""Displacements over which friction builds up, shares of the joint's travel: of the quicker part
-that which explains a joint best, the first of them where none does; and of the other part."""
+"""Displacements over which two parts of friction build up, shares of the joint's travel. Of the
+quicker part they are candidates: `presliding_of` picks one for each joint."""
 SLOW = 0.2
 """Share of a joint's usual top speed below which it is slow."""
 DRAWS = 300
@@ -75,7 +75,7 @@ class Recording:
     apart: Mask | None = None
     """(N, n) torques that do not belong to the motion: at a limit, in a contact. None for none."""
     presliding: Array | None = None
-    """(n) displacement over which friction builds up quickly, share of travel; None: the first."""
+    """(n) displacement of the quicker part, share of travel; None for the first of `QUICK`."""
 
     @property
     def model(self) -> InverseDynamicModel:
@@ -207,7 +207,7 @@ SHAPES, STEPPED = 8, 6
 """Friction columns of a joint or coupled motor beside the viscous one, and those of them that do
 not grow with speed: they stand first."""
 FOLLOW = (2, 4, 5)
-"""Those that build up quickly."""
+"""Places of those with the quicker displacement."""
 
 
 def _parts(rec: Recording, inertial: Array) -> Iterator[tuple[slice, Array]]:
@@ -292,16 +292,15 @@ def _falling(speed: Array) -> Array:
     return np.exp(-np.square(speed / 0.05))
 
 
-def presliding_of(ref: Reference, values: Array, counts: Array) -> Array:
-    """(n) displacement over which friction builds up quickly, share of travel: what explains most.
+def presliding_of(ref: Reference, values: Array) -> Array:
+    """(n) presliding displacement of each joint that explains most, share of its travel.
 
-    Near reversals a displacement that is wrong leaves up to seven times the noise. Each is tried
-    on what a first fit leaves for the friction of a joint, and judged by blocks left out.
+    Near reversals a displacement that is wrong leaves up to seven times the noise. Each of `QUICK`
+    is tried on what a first fit leaves for the friction of a joint, and judged by blocks left out.
 
     Args:
         ref: A reference with any displacement.
         values: (p) its parameters.
-        counts: (n) independent rows.
     """
     rec, n = ref.recording, ref.recording.robot.joints
     count = (ref.shapes.stop - ref.shapes.start) // SHAPES
@@ -313,7 +312,7 @@ def presliding_of(ref: Reference, values: Array, counts: Array) -> Array:
     error = ref.left(values)
     kept = rec.measured(np.ones_like(error))
     cuts = np.arange(1, BLOCKS) * error.shape[1] // BLOCKS
-    costs = np.empty((len(QUICK), n))
+    left = np.empty((len(QUICK), n))
     for j in range(n):
         own = [10 * n + j, *range(ref.shapes.start + j, ref.shapes.stop, count)]
         torque = error[j] + values[own] @ ref.columns[own, j]
@@ -330,11 +329,8 @@ def presliding_of(ref: Reference, values: Array, counts: Array) -> Array:
             ridge = 1e-6 * np.eye(len(rows) - 1)
             ways = np.ones((BLOCKS, len(rows)))
             ways[:, :-1] = -np.linalg.solve(inner[:, :-1, :-1] + ridge, inner[:, :-1, -1:])[..., 0]
-            left = float(np.einsum("bi,bij,bj->", ways, parts, ways))
-            costs[k, j] = 0.5 * counts[j] * np.log(max(left, 1e-300))
-    # Another one has to be worth a nat.
-    costs[0] -= 1.0
-    return np.array(QUICK)[costs.argmin(axis=0)]
+            left[k, j] = np.einsum("bi,bij,bj->", ways, parts, ways)
+    return np.array(QUICK)[left.argmin(axis=0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -78,7 +78,7 @@ def assumed_noise(robot: RobotModel, torque: Array | None = None) -> Array:
 
     Where no torque limit does, the RMS torques (n) do that are expected of it [N.m or N].
     """
-    size = robot.limits.size
+    size = robot.limits.rated_torque
     if torque is not None:
         typical = np.maximum(LIMIT_OVER_TORQUE * torque, torque.max())
         size = np.where(np.isfinite(size), size, typical)
@@ -97,8 +97,8 @@ def purpose_of(base: BaseParametrization, motions: Sequence[JointMotion], source
     if not motions:
         raise InputError("a purpose needs a motion", where="--motion")
     robot, n = base.model.robot, base.model.robot.joints
-    # Friction is assumed in shares of torque limits that tell the size of a joint.
-    robot = replace(robot, limits=replace(robot.limits, torque=robot.limits.size))
+    # Friction is assumed as a share of rated torques.
+    robot = replace(robot, limits=replace(robot.limits, torque=robot.limits.rated_torque))
     moments, squares = np.zeros((n, base.rank, base.rank)), np.zeros(n)
     prior = prior_dynamics(robot)
     for motion in motions:

@@ -75,11 +75,11 @@ class JointLimits(MotionBounds):
     """(n) largest torque or force [N.m or N], NaN if unknown."""
 
     @property
-    def size(self) -> Array:
-        """(n) torque limits that tell how large a joint is [N.m or N], NaN where none does.
+    def rated_torque(self) -> Array:
+        """(n) what the drives are made for [N.m or N], from the torque limits, NaN if unknown.
 
-        One number for three joints or more is a placeholder: motors of an arm differ. It is judged
-        as a limit all the same.
+        One limit for three joints or more is a placeholder, as motors of an arm differ: it is
+        checked, but tells nothing of the motors.
         """
         same = len(self.torque) > 2 and np.ptp(self.torque) == 0
         return np.full(len(self.torque), math.nan) if same else self.torque
