@@ -73,6 +73,20 @@ def test_fast_rows_of_a_real_arm_need_to_show_a_fault_clearly() -> None:
     assert findings_of(read_recording([bag], robot=robot), robot) == ()
 
 
+@pytest.mark.skipif(not DATA.is_dir(), reason="the real recordings of ../shared/data are not here")
+def test_a_real_arm_whose_friction_is_hardly_seen_has_no_spring() -> None:
+    """Its torques are those of links, and of one joint a tenth larger than published masses say."""
+    robot = load_robot(ROOT / "examples" / "robots" / "panda.toml")
+    parts = ("time", "positions", "velocity", "torques")
+    record = read_recording(
+        [DATA / "panda_gaz" / f"exciting_traj_{part}.txt" for part in parts],
+        robot=robot,
+        columns="t=0,q=1:8,qd=8:15,effort=15:22",
+    )
+    found = {(f.kind, f.joints) for f in findings_of(record, robot) if f.severity != "info"}
+    assert found == {("drive_gain", (5,)), ("friction_compensated", ())}
+
+
 @pytest.mark.skipif(not MODELS.is_dir(), reason="the package example-robot-data is not installed")
 @pytest.mark.parametrize(
     ("name", "margin", "acceleration", "rate_hz", "seed"),

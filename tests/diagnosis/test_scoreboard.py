@@ -167,7 +167,8 @@ def test_friction_builds_up_over_the_distance_that_it_did(fault: str | None) -> 
     rec, prior = as_recording(made, block=5), inertial_prior(made.robot)
     for one in (rec, rec.without(rec.t % 4.0 < 1.0)):
         ref = reference(one, prior)
-        shares = presliding_of(ref, fits(ref)[1])
+        sums, values = fits(ref)
+        shares = presliding_of(ref, values, sums.counts)
         decades = np.abs(np.log10(shares * np.ptp(rec.q, axis=0) / real.presliding))
         assert decades.max() < GRID_DECADES
         ref = reference(replace(one, presliding=shares), prior)

@@ -378,9 +378,9 @@ def _fitted(
     So are the displacements over which friction builds up.
     """
     if inertial is None:
-        ref, _, first = _fitted(recording, prior, added, prior[0])
+        ref, sums, first = _fitted(recording, prior, added, prior[0])
         inertial = first[: 10 * recording.robot.joints]
-        recording = replace(recording, presliding=presliding_of(ref, first))
+        recording = replace(recording, presliding=presliding_of(ref, first, sums.counts))
     columns = np.concatenate([h.columns for h in added]) if added else None
     spread = np.concatenate([h.width for h in added]) if added else None
     ref = reference(recording, prior, inertial, columns, spread)
