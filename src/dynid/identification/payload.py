@@ -54,16 +54,21 @@ def nearest_body(free: Array, covariance: Array) -> Array:
 
     for weight in _BARRIERS.tolist():
         for _ in range(_NEWTON):
-            turned = np.linalg.solve(np.tensordot(x, _UNITS, axes=1), _UNITS)
-            down = square @ x - pull - weight * np.trace(turned, axis1=1, axis2=2)
-            bent = np.tensordot(turned, turned, axes=((1, 2), (2, 1)))
-            step = -np.asarray(np.linalg.solve(square + weight * bent, down), dtype=np.float64)
-            long = float(np.sqrt(max(0.0, -float(down @ step)) / weight))
-            # Damped so, no step leaves the bodies that can exist: the barrier is self-concordant.
-            x = x + step / (1.0 if long < _WHOLE else 1.0 + long)
+            x, long = _step(x, square, pull, weight)
             if long < _STILL:
                 break
     return x @ bodies
+
+
+def _step(x: Array, square: Array, pull: Array, weight: float) -> tuple[Array, float]:
+    """Newton's step of a body (10), and how long it was, as the barrier measures it."""
+    turned = np.linalg.solve(np.tensordot(x, _UNITS, axes=1), _UNITS)
+    down = square @ x - pull - weight * np.trace(turned, axis1=1, axis2=2)
+    bent = np.tensordot(turned, turned, axes=((1, 2), (2, 1)))
+    step = -np.asarray(np.linalg.solve(square + weight * bent, down), dtype=np.float64)
+    long = float(np.sqrt(max(0.0, -float(down @ step)) / weight))
+    # Damped so, no step leaves the bodies that can exist: the barrier is self-concordant.
+    return x + step / (1.0 if long < _WHOLE else 1.0 + long), long
 
 
 NORMAL_95 = 1.959964
