@@ -73,6 +73,7 @@ def test_fast_rows_of_a_real_arm_need_to_show_a_fault_clearly() -> None:
     assert findings_of(read_recording([bag], robot=robot), robot) == ()
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not DATA.is_dir(), reason="the real recordings of ../shared/data are not here")
 def test_a_real_arm_whose_friction_is_hardly_seen_has_no_spring() -> None:
     """Its torques are those of links, and of one joint a tenth larger than published masses say."""
