@@ -15,6 +15,8 @@ from dynid.signals import process
 
 GRID_DECADES = 0.3
 """Distances that are tried are half a decade apart."""
+SAME_SIZE = 0.02
+"""Shares of torque or radians to which noise lets two motions tell a size."""
 MOST_LEFT = 4.5
 """Error over noise; with the first joint's distance for all of them it is 6.2."""
 CLEAN = (
@@ -194,3 +196,25 @@ def test_torques_without_any_error_need_nothing_put_right() -> None:
 def test_a_seed_gives_the_same_recording() -> None:
     first, again = recorded(CLEAN[0]), recorded(CLEAN[0])
     assert (first.record.signals["effort"] == again.record.signals["effort"]).all()
+
+
+@pytest.mark.parametrize("fault", ["gain", "gains", "encoder_zero", "quarter_turn"])
+def test_both_motions_have_the_same_fault(fault: str) -> None:
+    """Its sign is drawn once for an arm."""
+    for seed in range(3):
+        case = Case(
+            arm="ur3", motion="fourier", rate_hz=100.0, duration_s=10.0, seed=seed, fault=fault,
+            size="large",
+        )  # fmt: skip
+        # What is left of the same draws where nothing is planted: signs move those of the noise.
+        made, clean = recorded(case), recorded(replace(case, fault=None))
+        signal = "q" if fault in ("encoder_zero", "quarter_turn") else "effort"
+        sizes: list[np.ndarray] = []
+        for one, other in ((made.record, clean.record), (made.validation, clean.validation)):
+            with_fault, without = one.signals[signal], other.signals[signal]
+            if signal == "q":
+                sizes.append((with_fault - without).mean(axis=0))
+            else:
+                sizes.append((with_fault * without).sum(axis=0) / np.square(without).sum(axis=0))
+        assert np.abs(sizes[0] - (signal == "effort")).max() > 0.1
+        np.testing.assert_allclose(*sizes, atol=SAME_SIZE)

@@ -153,13 +153,14 @@ def recorded(case: Case) -> Recorded:
     parts: list[ExperimentRecord] = []
     clean = np.zeros(0)
     times: tuple[float, ...] = ()
+    signed: float | None = None
     for k in range(2):
         length = case.duration_s if k == 0 else min(case.duration_s, 20.0)
         path = motion(told, case.motion, case.seed + k, case.rate_hz, length)
         if k == 0 and case.fault == "contact":
             times = (float(draw.uniform(0.15, 0.85)) * length,)
-        record, clean = _record(
-            real, path, case, size, joint, partner, draw, times if k == 0 else ()
+        record, clean, signed = _record(
+            real, path, case, size, joint, partner, draw, times if k == 0 else (), signed
         )
         parts.append(record)
     return Recorded(
@@ -176,8 +177,12 @@ def _record(
     partner: int,
     draw: np.random.Generator,
     times: tuple[float, ...],
-) -> tuple[ExperimentRecord, Array]:
-    """What is written of a motion, and its true torques."""
+    signed: float | None,
+) -> tuple[ExperimentRecord, Array, float]:
+    """What is written of a motion, its true torques, and the size with its sign.
+
+    Signs are drawn where `signed` is None; another motion of the same arm has the same.
+    """
     robot, fault = real.robot, case.fault
     limit = np.where(np.isfinite(robot.limits.torque), robot.limits.torque, 50.0)
     t, q = path.t, path.q
@@ -215,8 +220,9 @@ def _record(
     elif fault == "commanded":
         tau = real.torque(q, path.dq, path.ddq) - real.armature * path.ddq
     if fault in ("gain", "gains"):
-        scale = 1 + size if draw.random() < 0.5 else 1 / (1 + size)
-        tau[:, joint if fault == "gain" else slice(None)] *= scale
+        if signed is None:
+            signed = size if draw.random() < 0.5 else 1 / (1 + size) - 1
+        tau[:, joint if fault == "gain" else slice(None)] *= 1 + signed
     elif fault in ("delay", "joint_delay"):
         for j in range(robot.joints) if fault == "delay" else (joint,):
             tau[:, j] = np.interp(t - size, t, tau[:, j])
@@ -228,10 +234,13 @@ def _record(
     dq = dq + 1e-3 * draw.normal(size=dq.shape)
     step = real.position_step
     seen = step * np.round((seen + 0.5 * step * draw.normal(size=q.shape)) / step)
-    if fault == "encoder_zero":
-        seen[:, joint] += size * draw.choice([-1, 1])
-    elif fault == "quarter_turn":
-        seen[:, joint] += np.pi / 2 * draw.choice([-1, 1, 2])
+    if fault in ("encoder_zero", "quarter_turn"):
+        if signed is None:
+            zero = fault == "encoder_zero"
+            signed = float(
+                size * draw.choice([-1, 1]) if zero else np.pi / 2 * draw.choice([-1, 1, 2])
+            )
+        seen[:, joint] += signed
     elif fault == "reversed":
         tau[:, joint] *= -1
     order = np.arange(robot.joints)
@@ -241,7 +250,8 @@ def _record(
     elif fault == "exchanged_torques":
         tau = tau[:, order]
     stamps = t * (1 + size) if fault == "clock" else t
-    return ExperimentRecord(t=stamps, signals={"q": seen, "qd": dq, "effort": tau}), clean
+    record = ExperimentRecord(t=stamps, signals={"q": seen, "qd": dq, "effort": tau})
+    return record, clean, size if signed is None else signed
 
 
 GOOD = 5.0
