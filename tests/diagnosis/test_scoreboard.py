@@ -59,6 +59,8 @@ PLANTED = (
     ("sliding", "fourier", 250.0, 15.0, 1032575860, "payload", "medium"),
     # Where the motion dwells, a large wave spreads over all orders.
     ("ur5", "fourier", 125.0, 20.0, 1041449482, "ripple", "large"),
+    # The model has taken a part of it where the motion dwells.
+    ("ur3", "waypoints", 250.0, 15.0, 509501052, "ripple", "large"),
     # Two thirds of all torques: no payload, which would leave the last link a negative mass.
     ("sliding", "fourier", 125.0, 20.0, 911654613, "gains", "large"),
     # Light wrists: little is left in their wrong order, but by links that are not this arm's.

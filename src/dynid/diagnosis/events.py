@@ -325,8 +325,8 @@ def ripple(
     wave = np.column_stack([np.cos(order * q), np.sin(order * q)])
     size: Array = np.asarray(np.linalg.lstsq(wave, left, rcond=None)[0], dtype=np.float64)
     # A motion that dwells in some places spreads a large wave over all orders: without it the
-    # others tell what is usual.
-    usual = float(np.median(_powers(q, left - wave @ size, orders)))
+    # others tell what is usual. Where the model has taken a part of it, they do as they are.
+    usual = min(float(np.median(_powers(q, e, orders))) for e in (left, left - wave @ size))
     amplitude = float(np.linalg.norm(size))
     if amplitude**2 / 4 < PROMINENT * usual:
         return None
