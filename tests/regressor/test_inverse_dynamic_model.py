@@ -102,6 +102,10 @@ def test_all_forms_of_the_regressor_hold_the_same_numbers() -> None:
     torque = model.inverse_dynamics(*state, parameters)
     np.testing.assert_allclose(torque, regressor @ parameters, rtol=SAME, atol=SAME)
     assert not torque.flags.writeable
+    q, dq, ddq = state
+    push = torque - model.inverse_dynamics(q, dq, np.zeros_like(q), parameters)
+    mass = model.mass_matrix(q, parameters)
+    np.testing.assert_allclose(np.einsum("kij,kj->ki", mass, ddq), push, rtol=SAME, atol=SAME)
 
 
 def test_columns_are_named_link_by_link_then_term_by_term() -> None:

@@ -236,6 +236,14 @@ class InverseDynamicModel:
                 torque[part] = np.tensordot(parameters, stack, axes=1).T
         return read_only(torque)
 
+    def mass_matrix(self, q: Array, parameters: Array) -> Array:
+        """(N, n, n) of standard parameters (p) at poses (N, n), motor inertias included."""
+        rest = np.zeros_like(q)
+        weight = self.inverse_dynamics(q, rest, rest, parameters)
+        pushes = np.eye(self.robot.joints)
+        torques = [self.inverse_dynamics(q, rest, rest + push, parameters) for push in pushes]
+        return np.stack([torque - weight for torque in torques], axis=2)
+
     def _recursive(self, q: Array, dq: Array, ddq: Array, parameters: Array) -> Array:
         """Torques (N, n) without the regressor, where every column is one of a block."""
         state = in_lanes(self.motion(q, dq, ddq))
