@@ -377,11 +377,8 @@ def singular_figure(base: BaseParametrization) -> draw.Figure:
     )
 
 
-def residual_figure(item: ReportedEstimate) -> draw.Figure | None:
+def residual_figure(item: ReportedEstimate, result: ValidationResult) -> draw.Figure:
     """Residuals over velocity: a shape in a cloud is something that the model lacks."""
-    result = item.shown
-    if result is None:
-        return None
     robot = item.estimate.model.robot
     error = result.measured - result.predicted
     chosen = np.unique(np.linspace(0, len(error) - 1, 2 * MAX_POINTS).astype(int))
@@ -411,11 +408,8 @@ def residual_figure(item: ReportedEstimate) -> draw.Figure | None:
 LAGS = 200
 
 
-def correlation_figure(item: ReportedEstimate) -> draw.Figure | None:
+def correlation_figure(item: ReportedEstimate, result: ValidationResult) -> draw.Figure:
     """Autocorrelation of the residuals; white ones stay inside the dashed lines."""
-    result = item.shown
-    if result is None or len(result.t) < 3:
-        return None
     error = result.measured - result.predicted
     error = error - error.mean(axis=0)
     lags = min(LAGS, len(error) - 1)
