@@ -29,8 +29,6 @@ attributes.
 Every name below is loaded when it is first used, so `import dynid` costs nothing.
 """
 
-from __future__ import annotations
-
 import importlib
 import warnings
 from types import FunctionType

@@ -34,11 +34,11 @@ class MotionRegion:
 
     Args:
         family: The motions.
-        bounds: Bounds without NaN; infinite ones do not bind.
+        bounds: Bounds as of `ConstraintSettings`, without NaN; infinite ones do not bind.
         pose: (n) the offset that every motion has; None where it may be chosen.
 
     Raises:
-        InputError: A joint without position bounds or room between them, or a pose outside.
+        InputError: A joint without position bounds, or a pose outside.
     """
 
     def __init__(
@@ -54,12 +54,6 @@ class MotionRegion:
         self.reach = (SHARE * half, SHARE * bounds.velocity, SHARE * bounds.acceleration)
         if not np.isfinite(self.reach[0]).all():
             raise InputError("no limit bounds the motion", next_step="Give position limits.")
-        if not (half > 0).all():
-            joint = int(np.argmin(half))
-            raise InputError(
-                f"joint {joint + 1}: the position limits leave no room to move",
-                value=(float(bounds.lower[joint]), float(bounds.upper[joint])),
-            )
         self.pose = pose
         if pose is not None:
             outside = np.abs(pose - middle) >= self.reach[0]

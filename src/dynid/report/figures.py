@@ -6,13 +6,11 @@ import numpy as np
 
 from dynid import figures as draw
 from dynid.core import Array
-from dynid.identification import Estimate
+from dynid.identification import CONFIDENCE, Estimate
 from dynid.reduction import BaseParametrization
 from dynid.report.contents import ReportedEstimate, joint_labels
 from dynid.validation import MOVING_SPEED, ParameterComparison, ValidationResult
 
-CONFIDENCE = 1.96
-"""Standard deviations either side of a 95 % interval."""
 STANDSTILL_S = 0.1
 """Shorter stops are reversals."""
 MAX_POINTS = 250
