@@ -198,8 +198,7 @@ def _trial(
         )
     seconds = time.process_time() - started
     truth = problem.base.from_standard(arm.parameters)
-    parameters = np.zeros(len(arm.model.columns))
-    parameters[list(problem.base.independent)] = fit.values
+    parameters = problem.base.to_standard(fit.values)
     other = arm.validation.truth
     # Against the true model at the same states: recorded torques are held between cycles.
     exact, predicted = (
