@@ -191,7 +191,7 @@ def test_more_data_never_hurts(name: str) -> None:
 
 
 def test_unknown_criteria_are_refused() -> None:
-    with pytest.raises(InputError, match=r"criterion: unknown criterion; got best; .*a-opt"):
+    with pytest.raises(InputError, match=r"criterion: unknown word; got best; .*a-opt"):
         parse_criterion("best")
 
 

@@ -119,7 +119,7 @@ def test_frames_are_the_robots_own_or_refused() -> None:
     robot = random_chain(seed=34, joints=2)
     assert InverseDynamicModel(robot=robot).frames == "dh"
     assert InverseDynamicModel(robot=robot, frames="urdf").frames == "urdf"
-    with pytest.raises(InputError, match="frames: unknown frames; got khalil; allowed: dh, mdh"):
+    with pytest.raises(InputError, match="frames: unknown word; got khalil; allowed: dh, mdh"):
         InverseDynamicModel(robot=robot, frames="khalil")
 
 

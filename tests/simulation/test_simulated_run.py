@@ -172,7 +172,7 @@ def test_ground_truth_tells_its_parameters(arm: SimulatedArm, ur5: RobotModel) -
         moments = np.linalg.eigvalsh(central)
         assert moments[0] > 0
         assert moments[2] <= moments[0] + moments[1]
-    with pytest.raises(InputError, match="unknown frames"):
+    with pytest.raises(InputError, match="frames: unknown word"):
         arm.standard_parameters_in("mdh")
 
 

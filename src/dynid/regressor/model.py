@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dynid.core import Array, InputError, read_only
+from dynid.core import Array, InputError, check_word, read_only
 from dynid.regressor.columns import (
     Column,
     ColumnBlock,
@@ -55,13 +55,7 @@ class InverseDynamicModel:
     def __post_init__(self) -> None:
         robot = self.robot
         frames = self.frames or robot.default_frames
-        if frames not in robot.parameter_frames:
-            raise InputError(
-                "unknown frames",
-                where="--frames",
-                value=frames,
-                limit=", ".join(robot.parameter_frames),
-            )
+        check_word(frames, robot.parameter_frames, "--frames")
         self.friction.check_joints(robot.joints)
         blocks = column_blocks(self.friction, coupled=bool(coupled_motors(robot)))
         inertial = tuple(
