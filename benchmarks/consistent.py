@@ -52,20 +52,8 @@ def simulated() -> list[Case]:
 def smallest_mass_eigenvalue(estimate: Estimate) -> float:
     """Over random poses [kg.m^2]."""
     model, parameters = estimate.model, estimate.standard_parameters()
-    n = model.robot.joints
-    generator = np.random.default_rng(0)
-    lowest = np.inf
-    for _ in range(10):
-        q = generator.uniform(-np.pi, np.pi, size=(POSES // 10, n))
-        rest = np.zeros_like(q)
-        still = model.inverse_dynamics(q, rest, rest, parameters)
-        mass = np.empty((len(q), n, n))
-        for k in range(n):
-            unit = rest.copy()
-            unit[:, k] = 1.0
-            mass[:, :, k] = model.inverse_dynamics(q, rest, unit, parameters) - still
-        lowest = min(lowest, float(np.linalg.eigvalsh(mass).min()))
-    return lowest
+    q = np.random.default_rng(0).uniform(-np.pi, np.pi, size=(POSES, model.robot.joints))
+    return float(np.linalg.eigvalsh(model.mass_matrix(q, parameters)).min())
 
 
 def residual_growth(case: Case, plain: Estimate, consistent: Estimate) -> tuple[float, float]:

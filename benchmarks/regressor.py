@@ -88,8 +88,8 @@ def designs(model: InverseDynamicModel, theirs: PinocchioArm) -> bool:
 
     def gradient(criterion: Criterion) -> Callable[[], object]:
         def work() -> object:
-            gram, pullback = kernel.gram_and_pullback(*motion())
-            bars = pullback(criterion.objective_and_gradient(gram)[1])
+            gram = kernel.gram(*motion())
+            bars = kernel.pullback(criterion.objective_and_gradient(gram)[1])
             return sum(part.T @ bar for part, bar in zip(basis, bars, strict=True))
 
         return work

@@ -102,6 +102,10 @@ def test_all_forms_of_the_regressor_hold_the_same_numbers() -> None:
     torque = model.inverse_dynamics(*state, parameters)
     np.testing.assert_allclose(torque, regressor @ parameters, rtol=SAME, atol=SAME)
     assert not torque.flags.writeable
+    q, dq, ddq = state
+    push = torque - model.inverse_dynamics(q, dq, np.zeros_like(q), parameters)
+    mass = model.mass_matrix(q, parameters)
+    np.testing.assert_allclose(np.einsum("kij,kj->ki", mass, ddq), push, rtol=SAME, atol=SAME)
 
 
 def test_columns_are_named_link_by_link_then_term_by_term() -> None:
@@ -115,7 +119,7 @@ def test_frames_are_the_robots_own_or_refused() -> None:
     robot = random_chain(seed=34, joints=2)
     assert InverseDynamicModel(robot=robot).frames == "dh"
     assert InverseDynamicModel(robot=robot, frames="urdf").frames == "urdf"
-    with pytest.raises(InputError, match="frames: unknown frames; got khalil; allowed: dh, mdh"):
+    with pytest.raises(InputError, match="frames: unknown word; got khalil; allowed: dh, mdh"):
         InverseDynamicModel(robot=robot, frames="khalil")
 
 

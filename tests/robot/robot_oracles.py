@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
-from dynid.robot import RobotModel, frame_map, from_pinocchio, joint_poses
+from dynid.robot import RobotModel, frame_map, joint_poses
 
 PROJECT = Path(__file__).parents[2]
 EXAMPLES = PROJECT / "examples" / "robots"
@@ -29,6 +29,11 @@ UR5_DH: dict[str, Any] = {
     "d": [0.089159, 0, 0, 0.10915, 0.09465, 0.0823],
     "alpha": [np.pi / 2, 0, 0, np.pi / 2, -np.pi / 2, 0],
 }
+
+
+def from_pinocchio(parameters: np.ndarray) -> np.ndarray:
+    """Our parameters of its `toDynamicParameters`: m, mx, my, mz, xx, xy, yy, xz, yz, zz."""
+    return parameters[..., [0, 1, 2, 3, 4, 6, 9, 8, 7, 5]]
 
 
 def pinocchio_model(robot: RobotModel) -> pin.Model:

@@ -3,12 +3,12 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from robot_oracles import from_pinocchio
 
 from dynid.core import InputError, RobotError
 from dynid.robot import (
     frame_map,
     from_body,
-    from_pinocchio,
     from_pseudo_inertia,
     from_xyz_rpy,
     is_physical,

@@ -4,11 +4,11 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot_oracles import DATA, EXAMPLES, SHARED, flange_pose, needs_models
+from robot_oracles import DATA, EXAMPLES, SHARED, flange_pose, from_pinocchio, needs_models
 from urdf_samples import ARM, chain, joint, load_urdf
 
 from dynid.core import RobotError
-from dynid.robot import RobotModel, from_pinocchio, joint_poses, load_robot, robot_from_urdf
+from dynid.robot import RobotModel, joint_poses, load_robot, robot_from_urdf
 
 ARMS = [
     "ur_description/urdf/ur5_robot.urdf",

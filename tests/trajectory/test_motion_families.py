@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 from dynid.core import InputError
 from dynid.trajectory import (
     FAMILY_NAMES,
-    BSplineFamily,
     FourierFamily,
     ModifiedFourierFamily,
     MotionFamily,
@@ -109,10 +108,6 @@ def test_no_family_lasts_no_time_or_for_ever(name: str, duration: float) -> None
         motion_family(name, duration, 5)
 
 
-def test_a_bspline_needs_points_for_its_degree() -> None:
-    with pytest.raises(InputError, match="too few control points"):
-        BSplineFamily(travel_time=1.0, points=2, degree=8)
-    with pytest.raises(InputError, match="degree"):
-        BSplineFamily(travel_time=1.0, points=9, degree=2)
+def test_motions_through_points_need_a_point() -> None:
     with pytest.raises(InputError, match="needs a free point"):
         PointsFamily(travel_time=1.0, points=0)

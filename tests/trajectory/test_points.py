@@ -122,7 +122,7 @@ def test_other_motions_have_no_points() -> None:
     series = motion_family("fourier", 5.0, 2).trajectory(np.zeros(6), np.zeros((6, 2)))
     with pytest.raises(InputError, match="not a motion through points"):
         points_text(series, "krl", limits)
-    with pytest.raises(InputError, match="unknown language"):
+    with pytest.raises(InputError, match="language: unknown word"):
         points_text(_motion(), "karel", limits)
     small = PointToPoint(start=np.zeros(3), goal=np.ones(3), travel_time=1.0)
     with pytest.raises(InputError, match="six joints"):

@@ -54,9 +54,9 @@ def test_the_csv_header_is_known_to_the_importer() -> None:
 def test_yaml_is_a_joint_trajectory(name: str) -> None:
     motion = some_motion(name)
     names = ["shoulder", "yes", 'wrist: "3"']
-    message = yaml.safe_load(joint_trajectory_yaml(motion, names, 20.0, frame="base_link"))
+    message = yaml.safe_load(joint_trajectory_yaml(motion, names, 20.0))
     assert set(message) == {"header", "joint_names", "points"}
-    assert message["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": "base_link"}
+    assert message["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
     assert message["joint_names"] == names
     expected = sampled(motion, 20.0)
     for key, quantity in (("positions", "q"), ("velocities", "dq"), ("accelerations", "ddq")):

@@ -105,11 +105,11 @@ class Trial:
     estimator: str
     scenario: str
     seed: int
-    d_beta: float
+    d_beta: float = np.nan
     """(2 / r) sum |b - b_true| / (|b| + |b_true|): 0 to 2."""
-    d_tau_percent: float
+    d_tau_percent: float = np.nan
     """Mean over time of ||torque error|| / ||torque|| on another motion [%]."""
-    d_q_percent: float
+    d_q_percent: float = np.nan
     """The same for positions of the true arm under computed torque with the estimate [%]."""
     seconds: float
     """CPU time of the fit [s]."""
@@ -192,14 +192,10 @@ def _trial(
     try:
         fit = estimator_of(word).fit(problem)
     except DynidError as error:
-        nan, seconds = float("nan"), time.process_time() - started
-        return trial(
-            d_beta=nan, d_tau_percent=nan, d_q_percent=nan, seconds=seconds, failure=str(error)
-        )
+        return trial(seconds=time.process_time() - started, failure=str(error))
     seconds = time.process_time() - started
     truth = problem.base.from_standard(arm.parameters)
-    parameters = np.zeros(len(arm.model.columns))
-    parameters[list(problem.base.independent)] = fit.values
+    parameters = problem.base.to_standard(fit.values)
     other = arm.validation.truth
     # Against the true model at the same states: recorded torques are held between cycles.
     exact, predicted = (

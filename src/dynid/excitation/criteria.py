@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynid.core import Array, InputError, read_only
+from dynid.core import Array, check_word, read_only
 from dynid.reduction import BaseParametrization
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import RobotModel
@@ -359,10 +359,7 @@ def parse_criterion(
     Raises:
         InputError: A name that is none of them.
     """
-    if name not in CRITERIA:
-        raise InputError(
-            "unknown criterion", where="--criterion", value=name, limit=", ".join(CRITERIA)
-        )
+    check_word(name, CRITERIA, "--criterion")
     if name == Prediction.name:
         return Prediction(scale=scale, previous=previous, moment=moment)
     return CRITERIA[name](scale=scale, previous=previous)

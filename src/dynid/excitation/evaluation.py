@@ -21,8 +21,6 @@ from dynid.reduction import BaseParametrization, gram_layout
 
 DESIGN_WIDTH = 0.05
 """Width of the Coulomb step inside an optimiser [rad/s or m/s]: its slope can be followed."""
-Pullback = Callable[[Array], regressor.Gradient]
-"""From S (b, b) to the derivatives of tr(S G) by q, dq and ddq, each (N, n)."""
 
 
 class GramKernel:
@@ -99,14 +97,12 @@ class GramKernel:
         entries = np.bincount(self._entries, self._sums, minlength=rank**2)
         return np.asarray(entries, dtype=np.float64).reshape(rank, rank)
 
-    def gram_and_pullback(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Pullback]:
-        """G (b, b), as `gram`, and the function that differentiates tr(S G).
+    def pullback(self, s: Array) -> regressor.Gradient:
+        """The derivatives of tr(S G) by q, dq and ddq, each (N, n), for the last motion of `gram`.
 
-        The function works on the memory of this call: it must be used before the next one.
+        Args:
+            s: (b, b) S.
         """
-        return self.gram(q, dq, ddq), self._pull
-
-    def _pull(self, s: Array) -> regressor.Gradient:
         samples = self._samples
         for j, panel in enumerate(self._layout.panels):
             rows, bars = (a[panel.rows, :samples] for a in (self._rows, self._bars))
@@ -289,8 +285,8 @@ class DesignEvaluation:
         """
         self.evaluations += 1
         motion = self._search.motion(x)
-        gram, pullback = self._smooth.gram_and_pullback(*motion)
-        value, slope = criterion.objective_and_gradient(self._share * gram)
+        gram = self._share * self._smooth.gram(*motion)
+        value, slope = criterion.objective_and_gradient(gram)
         if not math.isfinite(value):
             return math.inf, partial(np.zeros_like, x)
         grid, bars = self._search, None
@@ -309,7 +305,7 @@ class DesignEvaluation:
             value += penalty * broken
 
         def gradient() -> Array:
-            found = self._search.pulled_back(*pullback(slope * self._share))
+            found = self._search.pulled_back(*self._smooth.pullback(slope * self._share))
             return found if bars is None else found + penalty * grid.pulled_back(*bars)
 
         return value, gradient

@@ -146,6 +146,8 @@ BATCH = 30
 """Random motions of which a start takes the best."""
 GROWN = 6
 """Motions that a start grows out of free poses beside them."""
+STEPS = 100
+"""Most of one descent."""
 TIGHTEN = 0.02
 """Share by which limits beside the bounds shrink during the search."""
 FILLS = (0.2, 0.9)
@@ -166,8 +168,6 @@ class DescentStage:
     """Steps that gain less, in the logarithm of the criterion, end it."""
     fine: bool = False
     """Whether limits are looked at on a fine grid, which needs less of a reserve."""
-    iterations: int = 100
-    """Most steps."""
 
 
 STAGES = (
@@ -263,7 +263,7 @@ def improve(
             region,
             state,
             weight=stage.barrier,
-            iterations=stage.iterations,
+            iterations=STEPS,
             tolerance=stage.tolerance,
             stop=stop,
         )

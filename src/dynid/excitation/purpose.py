@@ -92,10 +92,8 @@ def purpose_of(base: BaseParametrization, motions: Sequence[JointMotion], source
     Where they come from is given in words.
 
     Raises:
-        InputError: No motions, or motions of another robot.
+        InputError: Motions of another robot.
     """
-    if not motions:
-        raise InputError("a purpose needs a motion", where="--motion")
     robot, n = base.model.robot, base.model.robot.joints
     # Friction is assumed as a share of rated torques.
     robot = replace(robot, limits=replace(robot.limits, torque=robot.limits.rated_torque))

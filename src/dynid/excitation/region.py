@@ -23,6 +23,9 @@ SHARE = math.cos(math.pi / 32) * math.cos(math.pi / 64)
 rise between 32 points a harmonic (Ehlich and Zeller, 1964), the second what the certificate's
 own grid of 64 adds; for other families it is a margin, and the certificate decides."""
 
+INSIDE = 0.98
+"""Of a bound, what a motion uses that is pulled inside."""
+
 
 class MotionRegion:
     """Numbers x = [offset, y] (n, 1 + k) whose motion stays within the bounds on a dense grid.
@@ -31,20 +34,15 @@ class MotionRegion:
 
     Args:
         family: The motions.
-        bounds: Bounds without NaN; infinite ones do not bind.
+        bounds: Bounds as of `ConstraintSettings`, without NaN; infinite ones do not bind.
         pose: (n) the offset that every motion has; None where it may be chosen.
-        share: Of each bound, about the middle of the range for positions.
 
     Raises:
-        InputError: A joint without position bounds or room between them, or a pose outside.
+        InputError: A joint without position bounds, or a pose outside.
     """
 
     def __init__(
-        self,
-        family: MotionFamily,
-        bounds: MotionBounds,
-        pose: Array | None = None,
-        share: float = SHARE,
+        self, family: MotionFamily, bounds: MotionBounds, pose: Array | None = None
     ) -> None:
         count = POINTS_PER_NUMBER * (family.free_count + 2)
         t = np.arange(count, dtype=np.float64) * (family.duration / count)
@@ -53,15 +51,9 @@ class MotionRegion:
         self.columns = (np.hstack([one, b0]), np.hstack([zero, b1]), np.hstack([zero, b2]))
         middle, half = (bounds.lower + bounds.upper) / 2, (bounds.upper - bounds.lower) / 2
         self.middle = middle
-        self.reach = (share * half, share * bounds.velocity, share * bounds.acceleration)
+        self.reach = (SHARE * half, SHARE * bounds.velocity, SHARE * bounds.acceleration)
         if not np.isfinite(self.reach[0]).all():
             raise InputError("no limit bounds the motion", next_step="Give position limits.")
-        if not (half > 0).all():
-            joint = int(np.argmin(half))
-            raise InputError(
-                f"joint {joint + 1}: the position limits leave no room to move",
-                value=(float(bounds.lower[joint]), float(bounds.upper[joint])),
-            )
         self.pose = pose
         if pose is not None:
             outside = np.abs(pose - middle) >= self.reach[0]
@@ -144,15 +136,15 @@ class MotionRegion:
             offset = np.broadcast_to(self.pose, offset.shape)
         return np.concatenate([offset[..., None], free * scale[..., None]], axis=-1)
 
-    def pulled_inside(self, x: Array, fill: float = 0.98) -> Array:
+    def pulled_inside(self, x: Array) -> Array:
         """The motion `x` (n, 1 + k), smaller and shifted as far as it takes to lie inside."""
         free, swing = x[:, 1:], self.columns[0][:, 1:] @ x[:, 1:].T
-        largest = self.onto_limits(free, np.full(len(x), 0.5), fill)[:, 1:]
+        largest = self.onto_limits(free, np.full(len(x), 0.5), INSIDE)[:, 1:]
         scale = np.minimum(1.0, _over(np.abs(largest).max(axis=1), np.abs(free).max(axis=1)))
         if self.pose is not None:
             offset = self.pose
         else:
-            room = fill * self.reach[0]
+            room = INSIDE * self.reach[0]
             offset = np.clip(
                 x[:, 0],
                 self.middle - room - scale * swing.min(axis=0),

@@ -65,7 +65,9 @@ class PseudoInertias:
             for k, column in enumerate(model.columns)
             if k >= prior.size and column.name.rstrip("0123456789") in MOTOR_SYMBOLS
         ]
-        driven = np.where(model.robot.prismatic, _OF_SLIDES, 1.0) * _driven(model, values)
+        poses, _, _ = random_states(model.robot, _POSES, _SEED)
+        mass = np.diagonal(model.mass_matrix(poses, values), axis1=1, axis2=2).mean(axis=0)
+        driven = np.where(model.robot.prismatic, _OF_SLIDES, 1.0) * mass
         values[motors] = driven[[model.columns[k].joint for k in motors]]
         return PseudoInertias(
             names=(*(str(i + 1) for i in range(n)), *(model.names[k] for k in motors)),
@@ -148,20 +150,6 @@ class PseudoInertias:
             if any(some)
         ]
         return " and ".join(words)
-
-
-def _driven(model: InverseDynamicModel, prior: Array) -> Array:
-    """(n) what each joint accelerates, the mean diagonal of the mass matrix [kg.m^2 or kg]."""
-    joints = model.robot.joints
-    q, _, _ = random_states(model.robot, _POSES, _SEED)
-    still = np.zeros_like(q)
-    weight = model.inverse_dynamics(q, still, still, prior)
-    driven = np.empty(joints)
-    for j in range(joints):
-        push = still.copy()
-        push[:, j] = 1.0
-        driven[j] = (model.inverse_dynamics(q, still, push, prior) - weight)[:, j].mean()
-    return driven
 
 
 _DIVERGENCE = (

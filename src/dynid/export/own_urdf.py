@@ -30,14 +30,14 @@ _FLOOR = (0.0, 0.0, -9.80665)
 _OTHER_SCHEMES = ("://", ":\\")
 
 
-def own_urdf_text(model: ExportModel, note: str, file: Path, output: Path) -> str:
+def own_urdf_text(file: Path, output: Path, model: ExportModel, note: str) -> str:
     """The text of a robot's URDF with the model's inertias, damping and dry friction.
 
     Args:
-        model: What to write.
-        note: Lines of the comment on top.
         file: The URDF; meshes named relative to it are named relative to `output`.
         output: The file to be written.
+        model: What to write.
+        note: Lines of the comment on top.
 
     Raises:
         RobotError: The URDF cannot be read, is not sound, or of an arm with other joints or

@@ -278,7 +278,7 @@ def write_model(
         raise InputError("only a URDF can be a copy of one", where="--urdf", value=to, limit="urdf")
     source = _own_urdf(model.robot, urdf) if to == "urdf" else None
     if source is not None:
-        kind = replace(kind, text=partial(_copy, source, path), torque=_copy_torque)
+        kind = replace(kind, text=partial(own_urdf_text, source, path), torque=_copy_torque)
     states = random_states(model.robot, verification.STATES, seed=0)
     if kind.held is None and model.presliding is not None:
         # Half of them a few displacements apart: there, friction depends on those before.
@@ -326,10 +326,6 @@ def _own_urdf(robot: RobotModel, urdf: str | Path | None) -> Path | None:
     """The URDF to copy; one that is asked for must be there."""
     file = Path(urdf or robot.urdf)
     return file if urdf is not None or (robot.urdf and file.is_file()) else None
-
-
-def _copy(source: Path, output: Path, model: ExportModel, note: str) -> str:
-    return own_urdf_text(model, note, source, output)
 
 
 def _copy_torque(
@@ -391,13 +387,9 @@ def _compared(
     largest = max(float(np.abs(ours).max()), _GRAVITY * float(np.abs(bodies).max()))
     scale = max(1.0, largest / _LARGE)
     tolerance = kind.tolerance * scale
-    if theirs is None:
-        return verification.Verification(
-            max_torque_difference=None, tolerance=tolerance, loaded_with=loader
-        )
-    if theirs.shape != ours.shape:
+    if theirs is not None and theirs.shape != ours.shape:
         raise JobError("the file has other joints", value=theirs.shape, limit=ours.shape)
-    worst = float(np.abs(theirs - ours).max())
+    worst = None if theirs is None else float(np.abs(theirs - ours).max())
     return verification.Verification(
         max_torque_difference=worst, tolerance=tolerance, loaded_with=loader
     )

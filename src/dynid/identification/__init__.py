@@ -73,6 +73,7 @@ from dynid.identification.shared import SharedFit as SharedFit
 from dynid.identification.shared import SharedProblem as SharedProblem
 from dynid.identification.shared import base_order as base_order
 from dynid.identification.shared import fit_shared as fit_shared
+from dynid.identification.shared import friction_parameters as friction_parameters
 from dynid.identification.shared import friction_places as friction_places
 from dynid.identification.shared import shared_estimates as shared_estimates
 from dynid.identification.statistics import essential_parameters as essential_parameters

@@ -137,19 +137,14 @@ def not_physical(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
 
 def smallest_mass_eigenvalue(estimate: Estimate, samples: Samples) -> tuple[float, float]:
     """The smallest eigenvalue of the mass matrix over poses of the record, and its deviation."""
-    n, model = samples.joints, estimate.model
+    model = estimate.model
     q = samples.q[np.linspace(0, samples.count - 1, min(POSES, samples.count)).astype(int)]
-    rest = np.zeros_like(q)
-    gravity = estimate.predict(q, rest, rest)
-    mass = np.empty((len(q), n, n))
-    for k in range(n):
-        unit = rest.copy()
-        unit[:, k] = 1.0
-        mass[:, :, k] = estimate.predict(q, rest, unit) - gravity
+    mass = model.mass_matrix(q, estimate.standard_parameters())
     sizes, axes = np.linalg.eigh((mass + mass.transpose(0, 2, 1)) / 2)
     worst = int(np.argmin(sizes[:, 0]))
     # The eigenvalue v' M v is linear in the parameters.
-    pose, still, axis = q[worst : worst + 1], rest[:1], axes[worst, :, :1].T
+    pose, axis = q[worst : worst + 1], axes[worst, :, :1].T
+    still = np.zeros_like(pose)
     moved = model.stack(pose, still, axis) - model.stack(pose, still, still)
     row = (moved[list(estimate.independent), :, 0]) @ axis[0]
     return float(sizes[worst, 0]), float(np.sqrt(max(row @ estimate.covariance @ row, 0.0)))

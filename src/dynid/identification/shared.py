@@ -28,7 +28,7 @@ SINGULAR = 1e-11
 """Smallest pivot over the largest, columns of unit norm, that counts as resolved."""
 
 
-def friction_parameters(base: BaseParametrization) -> tuple[int, ...]:
+def friction_parameters(base: BaseParametrization | Estimate) -> tuple[int, ...]:
     """(f) base parameters that are friction: all that are neither inertias nor of motors."""
     links = 10 * base.model.robot.joints
     return tuple(

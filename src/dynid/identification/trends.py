@@ -31,6 +31,7 @@ SEGMENT = 3
 SEGMENT_SHARE = 0.05
 """... and at least this share of them."""
 CONFIDENCE = 1.96
+"""Standard deviations either side of a 95 % interval."""
 DAY_S = 86400.0
 YEAR_DAYS = 365.25
 

@@ -8,7 +8,6 @@ long recordings have no bound of their own.
 import bz2
 import importlib
 import shutil
-import tempfile
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -60,18 +59,17 @@ class Budget:
                 next_step="Save only the signals of the joints, or split the recording.",
             )
 
-    def require_space(self, folder: str | None = None) -> int:
-        """Bytes that unpacking may write: the budget, as far as the disk has them.
+    def require_space(self, folder: str) -> int:
+        """Bytes that unpacking may write into a folder: the budget, as far as the disk has them.
 
         Raises:
             RecordError: The disk is nearly full.
         """
-        place = folder or tempfile.gettempdir()
-        free = shutil.disk_usage(place).free - (64 << 20)
+        free = shutil.disk_usage(folder).free - (64 << 20)
         if free <= 0:
             raise RecordError(
                 "there is no room to unpack the file",
-                where=place,
+                where=folder,
                 limit="64 MB must stay free",
                 next_step="Free some space, or set TMPDIR to a folder on another disk.",
             )

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dynid.core import Array, InputError, read_only
+from dynid.core import Array, InputError, check_word, read_only
 from dynid.regressor.columns import (
     Column,
     ColumnBlock,
@@ -55,13 +55,7 @@ class InverseDynamicModel:
     def __post_init__(self) -> None:
         robot = self.robot
         frames = self.frames or robot.default_frames
-        if frames not in robot.parameter_frames:
-            raise InputError(
-                "unknown frames",
-                where="--frames",
-                value=frames,
-                limit=", ".join(robot.parameter_frames),
-            )
+        check_word(frames, robot.parameter_frames, "--frames")
         self.friction.check_joints(robot.joints)
         blocks = column_blocks(self.friction, coupled=bool(coupled_motors(robot)))
         inertial = tuple(
@@ -235,6 +229,14 @@ class InverseDynamicModel:
                 stack = self.stack(q[part], dq[part], ddq[part], state=now)
                 torque[part] = np.tensordot(parameters, stack, axes=1).T
         return read_only(torque)
+
+    def mass_matrix(self, q: Array, parameters: Array) -> Array:
+        """(N, n, n) of standard parameters (p) at poses (N, n), motor inertias included."""
+        rest = np.zeros_like(q)
+        weight = self.inverse_dynamics(q, rest, rest, parameters)
+        pushes = np.eye(self.robot.joints)
+        torques = [self.inverse_dynamics(q, rest, rest + push, parameters) for push in pushes]
+        return np.stack([torque - weight for torque in torques], axis=2)
 
     def _recursive(self, q: Array, dq: Array, ddq: Array, parameters: Array) -> Array:
         """Torques (N, n) without the regressor, where every column is one of a block."""

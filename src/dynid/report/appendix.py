@@ -154,9 +154,9 @@ def chapters(contents: ReportContents) -> Iterator[Chapter]:
     yield _parameters(item)
     if item.links is not None:
         yield _standard(item, item.links)
-    drawn = [f for f in (residual_figure(item), correlation_figure(item)) if f is not None]
-    if drawn:
+    if item.shown is not None:
         words = "A shape in a cloud is what the model lacks: a step at zero velocity is friction."
+        drawn = [residual_figure(item, item.shown), correlation_figure(item, item.shown)]
         yield Chapter("Residuals", figures=drawn, words=words)
     if item.base is not None:
         yield Chapter("Identifiability", figures=[singular_figure(item.base)])

@@ -6,13 +6,11 @@ import numpy as np
 
 from dynid import figures as draw
 from dynid.core import Array
-from dynid.identification import Estimate
+from dynid.identification import CONFIDENCE, Estimate
 from dynid.reduction import BaseParametrization
 from dynid.report.contents import ReportedEstimate, joint_labels
 from dynid.validation import MOVING_SPEED, ParameterComparison, ValidationResult
 
-CONFIDENCE = 1.96
-"""Standard deviations either side of a 95 % interval."""
 STANDSTILL_S = 0.1
 """Shorter stops are reversals."""
 MAX_POINTS = 250
@@ -377,11 +375,8 @@ def singular_figure(base: BaseParametrization) -> draw.Figure:
     )
 
 
-def residual_figure(item: ReportedEstimate) -> draw.Figure | None:
+def residual_figure(item: ReportedEstimate, result: ValidationResult) -> draw.Figure:
     """Residuals over velocity: a shape in a cloud is something that the model lacks."""
-    result = item.shown
-    if result is None:
-        return None
     robot = item.estimate.model.robot
     error = result.measured - result.predicted
     chosen = np.unique(np.linspace(0, len(error) - 1, 2 * MAX_POINTS).astype(int))
@@ -411,11 +406,8 @@ def residual_figure(item: ReportedEstimate) -> draw.Figure | None:
 LAGS = 200
 
 
-def correlation_figure(item: ReportedEstimate) -> draw.Figure | None:
+def correlation_figure(item: ReportedEstimate, result: ValidationResult) -> draw.Figure:
     """Autocorrelation of the residuals; white ones stay inside the dashed lines."""
-    result = item.shown
-    if result is None or len(result.t) < 3:
-        return None
     error = result.measured - result.predicted
     error = error - error.mean(axis=0)
     lags = min(LAGS, len(error) - 1)

@@ -33,7 +33,6 @@ from dynid.robot.transforms import PSEUDO_INERTIA_BASIS as PSEUDO_INERTIA_BASIS
 from dynid.robot.transforms import frame_map as frame_map
 from dynid.robot.transforms import from_axes as from_axes
 from dynid.robot.transforms import from_body as from_body
-from dynid.robot.transforms import from_pinocchio as from_pinocchio
 from dynid.robot.transforms import from_pseudo_inertia as from_pseudo_inertia
 from dynid.robot.transforms import from_xyz_rpy as from_xyz_rpy
 from dynid.robot.transforms import inverse as inverse

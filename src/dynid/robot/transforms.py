@@ -18,14 +18,6 @@ PARAMETERS = ("m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy")
 PARAMETER_UNITS = ("kg", *("kg.m",) * 3, *("kg.m^2",) * 6)
 
 
-def from_pinocchio(parameters: Array) -> Array:
-    """Parameters (..., 10) from the order of pinocchio's `toDynamicParameters`.
-
-    That is m, mx, my, mz, xx, xy, yy, xz, yz, zz.
-    """
-    return parameters[..., [0, 1, 2, 3, 4, 6, 9, 8, 7, 5]]
-
-
 def tensor(parameters: Array) -> Array:
     """The inertia tensors (..., 3, 3) about the frame's origin [kg.m^2]."""
     xx, yy, zz, yz, xz, xy = np.moveaxis(parameters[..., 4:], -1, 0)

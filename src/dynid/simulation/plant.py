@@ -196,8 +196,6 @@ class SimulatedRun:
     """(n) temperatures at the start [degC]."""
     t: Array
     """(N) time [s]."""
-    command_q: Array
-    """(N, n) positions that the trajectory asked for [rad or m]."""
     signals: dict[str, Array]
     """What was recorded, (N, n) each; see `recorded`."""
     truth: PlantState
@@ -287,7 +285,6 @@ def simulate(
         seed=seed,
         thermal=tuple(float(value) for value in start),
         t=command.t,
-        command_q=command.q,
         signals={name: read_only(values) for name, values in signals.items()},
         truth=truth,
     )

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, freeze, frozen, read_only
+from dynid.core import Array, InputError, check_word, freeze, frozen, read_only
 from dynid.robot import RobotModel
 from dynid.simulation.joints import (
     ControllerModel,
@@ -181,10 +181,7 @@ class SimulatedArm:
         Raises:
             InputError: The robot has no such frames.
         """
-        if frames not in self.robot.parameter_frames:
-            raise InputError(
-                "unknown frames", value=frames, limit=tuple(self.robot.parameter_frames)
-            )
+        check_word(frames, self.robot.parameter_frames, "frames")
         parameters = self.truth.standard_parameters.copy()
         joints_in_frames = np.linalg.inv(self.robot.parameter_frames[frames])
         for i in range(self.robot.joints):

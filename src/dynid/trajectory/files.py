@@ -323,11 +323,7 @@ def csv_text(
 
 
 def joint_trajectory_yaml(
-    trajectory: Trajectory,
-    joint_names: Sequence[str],
-    rate_hz: float = 125.0,
-    *,
-    frame: str = "",
+    trajectory: Trajectory, joint_names: Sequence[str], rate_hz: float = 125.0
 ) -> str:
     """The motion as a ROS 2 `trajectory_msgs/msg/JointTrajectory` in YAML.
 
@@ -335,7 +331,6 @@ def joint_trajectory_yaml(
         trajectory: The motion.
         joint_names: (n) names, in the order of the joints.
         rate_hz: Points a second.
-        frame: `frame_id` of the header.
 
     Raises:
         InputError: A rate that is not positive, or names that do not fit the joints.
@@ -344,13 +339,13 @@ def joint_trajectory_yaml(
         raise InputError(
             "one name a joint, each once", value=tuple(joint_names), limit=trajectory.joints
         )
-    return "\n".join(_yaml_lines(sampled(trajectory, rate_hz), joint_names, frame)) + "\n"
+    return "\n".join(_yaml_lines(sampled(trajectory, rate_hz), joint_names)) + "\n"
 
 
-def _yaml_lines(motion: JointMotion, names: Sequence[str], frame: str) -> Iterator[str]:
+def _yaml_lines(motion: JointMotion, names: Sequence[str]) -> Iterator[str]:
     yield "header:"
     yield "  stamp: {sec: 0, nanosec: 0}"
-    yield f"  frame_id: {json.dumps(frame)}"
+    yield '  frame_id: ""'
     yield f"joint_names: [{', '.join(json.dumps(name) for name in names)}]"
     yield "points:"
     for t, q, dq, ddq in zip(motion.t, motion.q, motion.dq, motion.ddq, strict=True):

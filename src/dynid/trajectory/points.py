@@ -15,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, MotionBounds, frozen
+from dynid.core import Array, InputError, MotionBounds, check_word, frozen
 from dynid.trajectory.quintic import StraightMove, rest_to_rest
 from dynid.trajectory.trajectory import PoseFamily, StandingMotion, Trajectory
 
@@ -252,8 +252,7 @@ def check_points(language: str, joints: int, limits: MotionBounds) -> None:
     Raises:
         InputError: An unknown language, not six joints, or no limits of which KRL takes shares.
     """
-    if language not in LANGUAGES:
-        raise InputError("unknown language", value=language, limit=", ".join(LANGUAGES))
+    check_word(language, LANGUAGES, "language")
     if language != "waypoints" and joints != _AXES:
         raise InputError("needs six joints", where=f"--{language}", value=joints, limit=_AXES)
     known = np.isfinite(limits.velocity) & np.isfinite(limits.acceleration)

@@ -293,7 +293,8 @@ class BSpline(StandingMotion):
 
     def __post_init__(self) -> None:
         require_positive("the travel time", self.travel_time)
-        _check_degree(self.degree)
+        if self.degree < 3:
+            raise InputError("the degree of a B-spline", value=self.degree, limit="3 or more")
         object.__setattr__(self, "travel_time", float(self.travel_time))
         control = frozen(self.control, shape=(None, None), name="control points")
         if len(control) == 0 or control.shape[1] <= self.degree:
@@ -313,11 +314,6 @@ class BSpline(StandingMotion):
     def duration(self) -> float:
         """The travel time [s]."""
         return self.travel_time
-
-    @property
-    def knots(self) -> Array:
-        """(K + degree + 1) knots, clamped at both ends [s]."""
-        return np.asarray(_spline(self.control.T, self.travel_time, self.degree).t)
 
     def inside(self, t: Array) -> tuple[Array, Array, Array]:
         """See `StandingMotion`."""
@@ -346,33 +342,13 @@ class BSplineFamily(PoseFamily):
     """B-splines from the offset back to the offset, exactly at rest at both ends.
 
     Raises:
-        InputError: A travel time that is not positive, a degree below 3, or no free points.
+        InputError: A travel time that is not positive, or no free points.
     """
 
     name: ClassVar[str] = "bspline"
-    degree: int = 5
-    """Degree of the polynomials between the knots."""
-
-    def __post_init__(self) -> None:
-        PoseFamily.__post_init__(self)
-        _check_degree(self.degree)
-        if self.points + 2 * _REST <= self.degree:
-            raise InputError(
-                "too few control points for the degree",
-                value=self.points,
-                limit=self.degree + 1 - 2 * _REST,
-            )
 
     def member(self, pose: Array, free: Array) -> BSpline:
         """The inner control points are the free numbers, relative to the pose."""
         end = np.repeat(pose[:, None], _REST, axis=1)
-        return BSpline(
-            travel_time=self.travel_time,
-            control=np.hstack([end, pose[:, None] + free, end]),
-            degree=self.degree,
-        )
-
-
-def _check_degree(degree: int) -> None:
-    if degree < 3:
-        raise InputError("the degree of a B-spline", value=degree, limit="3 or more")
+        control = np.hstack([end, pose[:, None] + free, end])
+        return BSpline(travel_time=self.travel_time, control=control)

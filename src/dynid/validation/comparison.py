@@ -15,6 +15,7 @@ from dynid.core import Array, Finding, Indices, InputError, Mask, plain, read_on
 from dynid.identification import (
     Estimate,
     EstimateLike,
+    friction_parameters,
     motion_state,
     open_estimate,
     recorded_rows,
@@ -95,19 +96,13 @@ def refit_friction(estimate: Estimate, samples: Samples) -> Estimate:
     """The same inertias with the friction of another record.
 
     Args:
-        estimate: The estimate; inertial parameters and motor inertia stay as they are.
+        estimate: The estimate; inertial parameters and motor inertias stay as they are.
         samples: The record that friction is taken from.
 
     Raises:
         InputError: The estimate has no friction.
     """
-    model, n = estimate.model, samples.joints
-    motor = {f"Im{j + 1}" for j in range(n)}
-    chosen = [
-        k
-        for k, column in enumerate(estimate.independent)
-        if column >= 10 * n and model.names[column] not in motor
-    ]
+    model, chosen = estimate.model, list(friction_parameters(estimate))
     if not chosen:
         raise InputError("the estimate has no friction", where="--refit")
     independent, rows = list(estimate.independent), samples.rows

@@ -107,11 +107,11 @@ FARTHEST_M = 0.6
 """Of its centre from the last joint's frame."""
 
 
-def carried_mass(estimate: Estimate, samples: Samples, error: Array) -> tuple[float, float] | None:
-    """Mass [kg] that explains the errors, and its standard deviation.
+def another_payload(estimate: Estimate, samples: Samples, error: Array) -> tuple[Finding, ...]:
+    """Whether another mass at the last link explains the errors.
 
-    The error (N, n) is measured minus predicted torques of the record's used rows [N.m or N]. None
-    where a payload does not explain nearly all of it.
+    The error (N, n) is measured minus predicted torques of the record's used rows [N.m or N], of
+    which a payload has to explain nearly all.
     """
     model, rows = estimate.model, samples.rows
     last = 10 * (model.robot.joints - 1)
@@ -136,29 +136,20 @@ def carried_mass(estimate: Estimate, samples: Samples, error: Array) -> tuple[fl
     matrix, vector = square.sum(axis=0)[:POINT, :POINT], cross.sum(axis=0)[:POINT]
     before = float(np.square(weighted).sum())
     if before + float(point @ matrix @ point - 2 * point @ vector) > LEFT * before:
-        return None
+        return ()
     lever = float(np.linalg.norm(point[1:] / scale[1:POINT])) * scale[0]
     # Its inertia counts for the mass: a load far from the joint's frame has much of it.
     masses = [fitted([k for k in everything if k != out], 10)[0] for out in everything]
     spread = float(np.sqrt((STRETCHES - 1) * np.var(masses)) / scale[0])
     mass = float(fitted(everything, 10)[0] / scale[0])
     if abs(mass) < max(CERTAIN * spread, LEAST_KG) or lever > FARTHEST_M * abs(point[0]):
-        return None
-    return mass, spread
-
-
-def another_payload(estimate: Estimate, samples: Samples, error: Array) -> tuple[Finding, ...]:
-    """`carried_mass` in words."""
-    found = carried_mass(estimate, samples, error)
-    if found is None:
         return ()
-    mass, spread = found
     return (
         Finding(
             "payload",
             f"this record carries {abs(mass):.2f} +- {spread:.2g} kg "
             f"{'more' if mass > 0 else 'less'} at the last link than the identification's",
-            joints=(estimate.model.robot.joints - 1,),
+            joints=(model.robot.joints - 1,),
             value=mass,
             std=spread,
             unit="kg",

@@ -48,13 +48,10 @@ class Regions:
     centres: tuple[Array, ...]
     """(k, d) centres of each partition."""
 
-    def features(self, q: Array) -> Array:
-        """(N, d) of positions (N, n)."""
-        return _features(q, self.joints, self.sliding, self.reach)
-
     def labels(self, q: Array, partition: int) -> Indices:
         """(N) region of each pose in a partition."""
-        return _nearest(self.features(q), self.centres[partition])
+        features = _features(q, self.joints, self.sliding, self.reach)
+        return _nearest(features, self.centres[partition])
 
 
 def find_regions(positions: Sequence[Array], sliding: Sequence[bool]) -> Regions:
