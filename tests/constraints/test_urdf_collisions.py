@@ -50,6 +50,55 @@ def test_no_pose_of_a_panda_with_touching_meshes_passes() -> None:
     assert passed > 50
 
 
+def write_drum(path: Path, radius: float, height: float) -> None:
+    """A round mesh about z, from 0 to its height [m]."""
+    turns = np.linspace(0, 2 * np.pi, 73)
+    rim = radius * np.column_stack([np.cos(turns), np.sin(turns)])
+    low, high = np.pad(rim, ((0, 0), (0, 1))), np.insert(rim, 2, height, axis=1)
+    ends = low * 0, low * 0 + [0, 0, height]
+    faces = [
+        *zip(low, low[1:], high, strict=False),
+        *zip(low[1:], high[1:], high, strict=False),
+        *zip(ends[0], low[1:], low, strict=False),
+        *zip(ends[1], high, high[1:], strict=False),
+    ]
+    corner = "vertex {:.9f} {:.9f} {:.9f}\n".format
+    facets = "".join(
+        f"facet normal 0 0 0\nouter loop\n{''.join(corner(*p) for p in face)}endloop\nendfacet\n"
+        for face in faces
+    )
+    path.write_text(f"solid drum\n{facets}endsolid drum\n")
+
+
+def test_parts_that_stay_near_each_other_keep_most_of_their_distance(tmp_path: Path) -> None:
+    """A drum that circles the one on the base, 4 mm from it: bodies may take a third of that."""
+    write_drum(tmp_path / "drum.stl", 0.06, 0.1)
+    drum = '<collision><geometry><mesh filename="drum.stl"/></geometry></collision>'
+    links = "".join(
+        f'<link name="{name}">{shape}</link>'
+        for name, shape in (("base", drum), ("one", ""), ("two", drum), ("far", drum))
+    )
+    joints = "".join(
+        f'<joint name="{name}" type="revolute"><parent link="{a}"/><child link="{b}"/>'
+        f'<origin xyz="{x} 0 {z}"/><axis xyz="0 0 1"/>'
+        '<limit lower="-3" upper="3" velocity="1" effort="1"/></joint>'
+        for name, a, b, x, z in (
+            ("j1", "base", "one", 0, 0), ("j2", "one", "two", 0.124, 0), ("j3", "two", "far", 0, 1),
+        )
+    )  # fmt: skip
+    path = tmp_path / "drums.urdf"
+    path.write_text(f'<robot name="drums">{links}{joints}</robot>')
+    robot = load_robot(path)
+    judge = safe_constraints(robot, acceleration=np.full(3, 10.0), floor="none")
+    q = np.random.default_rng(1).uniform(-3, 3, (50, 3))
+    room = [judge.usage(a[None], a[None] * 0, a[None] * 0).worst["self_collision"] for a in q]
+    assert min(a.value for a in room) > 0.0025
+    assert max(a.value for a in room) < 0.004
+    # What nothing is near is not made of more points than before.
+    base, near, far = sorted(robot.bodies, key=lambda body: body.link)
+    assert len(far.points) < min(len(base.points), len(near.points))
+
+
 @needs_models
 def test_what_is_assumed_of_an_arm_stands_in_its_certificate() -> None:
     robot = load_robot(DATA / "so_arm_description" / "urdf" / "so100.urdf")

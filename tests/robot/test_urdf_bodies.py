@@ -173,7 +173,7 @@ def test_every_triangle_is_in_one_body(points: np.ndarray, stretch: np.ndarray) 
     faces = points * stretch
     found = around_triangles(faces)
     assert 1 <= len(found) <= 3
-    far = np.array([beyond(faces.reshape(-1, 3), body) - radius for body, radius in found])
+    far = np.array([beyond(faces.reshape(-1, 3), body) - radius for body, radius, _ in found])
     held = (far <= ROUNDING).reshape(len(found), -1, 3).all(axis=2)
     assert held.any(axis=0).all()
 
@@ -191,7 +191,7 @@ def rod(start: np.ndarray, end: np.ndarray, radius: float) -> np.ndarray:
 
 def test_a_straight_part_gets_one_body_and_not_a_larger_one_than_it_needs() -> None:
     ends = np.array([[0.1, 0.2, -0.1], [0.5, -0.2, 0.4]])
-    ((points, radius),) = around_triangles(rod(*ends, 0.05))
+    ((points, radius, _),) = around_triangles(rod(*ends, 0.05))
     turns = np.linspace(0, 2 * np.pi, 60)
     across = np.linalg.svd((ends[1] - ends[0])[None])[2][1:]
     ways = np.outer(np.cos(turns), across[0]) + np.outer(np.sin(turns), across[1])
@@ -206,7 +206,7 @@ def test_a_bent_part_is_cut_where_that_leaves_more_room() -> None:
     found = around_triangles(np.concatenate(arms))
     assert len(found) > 1
     inside = np.array([[0.25, 0.25, 0.0]])
-    assert all(beyond(inside, points)[0] > radius + 0.05 for points, radius in found)
+    assert all(beyond(inside, points)[0] > radius + 0.05 for points, radius, _ in found)
 
 
 STL = """solid one

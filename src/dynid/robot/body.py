@@ -6,9 +6,10 @@ holds every triangle whose corners it holds.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import accumulate
+from itertools import accumulate, combinations
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,10 @@ CORNERS = 32
 """Most points of a body."""
 WITHIN = 0.002
 """A body that reaches no farther beyond what it holds is good enough [m]."""
+CLOSE = 0.01
+"""Bodies of which the other is mostly nearer than this are made tighter [m]."""
+TIGHTER = 4
+"""How many times the corners of others, and what part of their reach, such bodies have."""
 PARTS = 3
 """Bodies of a mesh."""
 WORTH = 0.92
@@ -142,9 +147,46 @@ def read_mesh(file: Path, scale: Array) -> Array:
     return corners[np.array(rows)]
 
 
-def around_triangles(faces: Array) -> list[tuple[Array, float]]:
-    """Up to `PARTS` bodies, points (K, 3) and radius [m], that hold every triangle (T, 3, 3)."""
-    return [around_points(part.reshape(-1, 3)) for part in parts_of(faces)]
+def around_triangles(faces: Array) -> list[tuple[Array, float, Array]]:
+    """Up to `PARTS` bodies that hold every triangle (T, 3, 3).
+
+    Returns:
+        Points (K, 3) and radius [m] of each, and the corners (P, 3) of the part that it holds.
+    """
+    parts = [part.reshape(-1, 3) for part in parts_of(faces)]
+    return [(*around_points(part), part) for part in parts]
+
+
+def close_bodies(bodies: Sequence[Body], poses: Array) -> set[int]:
+    """Numbers of bodies that one of another link is close to at most poses of the joints.
+
+    Args:
+        bodies: Convex bodies; those of one link and of neighbouring ones may be near each other.
+        poses: (N, n, 4, 4) the joint frames [m].
+
+    Raises:
+        MissingExtraError: The extra `collision` is not installed.
+    """
+    coal: Any = require("coal", "collision")
+    hulls: list[Any] = []
+    for body in bodies:
+        points = coal.StdVec_Vec3s()
+        points.extend(body.surface()[0])
+        hulls.append(coal.Convex.convexHull(points, False, ""))
+    frames = [[coal.Transform3s(), *(coal.Transform3s(a[:3, :3], a[:3, 3]) for a in pose)]
+              for pose in poses]  # fmt: skip
+    ask, answer = coal.DistanceRequest(), coal.DistanceResult()
+    found: set[int] = set()
+    for (a, one), (b, other) in combinations(enumerate(bodies), 2):
+        if abs(one.link - other.link) > 1:
+            far: list[float] = []
+            for pose in frames:
+                answer.clear()
+                where = pose[one.link], pose[other.link]
+                far.append(coal.distance(hulls[a], where[0], hulls[b], where[1], ask, answer))
+            if np.median(far) < CLOSE:
+                found |= {a, b}
+    return found
 
 
 def parts_of(faces: Array, worth: float = WORTH) -> list[Array]:

@@ -15,7 +15,20 @@ from pathlib import Path
 import numpy as np
 
 from dynid.core import Array, Indices, MissingExtraError, RobotError, printable
-from dynid.robot.body import Body, around_triangles, beyond, box_points, cylinder_points, read_mesh
+from dynid.robot.body import (
+    CORNERS,
+    TIGHTER,
+    WITHIN,
+    Body,
+    around_points,
+    around_triangles,
+    beyond,
+    box_points,
+    close_bodies,
+    cylinder_points,
+    read_mesh,
+)
+from dynid.robot.kinematics import joint_poses
 from dynid.robot.model import RobotModel
 from dynid.robot.tables import read_limited, shown_path
 from dynid.robot.urdf import MAX_BYTES, urdf_links
@@ -44,8 +57,10 @@ class UrdfShape:
     folders: tuple[Path, ...]
     """Where meshes are looked for, that of the URDF first."""
 
-    def solids(self) -> list[tuple[Array, float]]:
-        """Points (K, 3) in the joint frame and radius [m] of convex bodies that hold it.
+    def solids(self) -> list[tuple[Array, float, Array]]:
+        """Convex bodies that hold it: points (K, 3) in the joint frame, radius, what is held [m].
+
+        The last are corners (P, 3) in the joint frame, of a mesh; none where the body is exact.
 
         Raises:
             RobotError: A geometry that is not known or not sound, or a mesh that is not found.
@@ -55,17 +70,17 @@ class UrdfShape:
         if shape.tag == "mesh":
             found = around_triangles(self._mesh())
         elif shape.tag == "sphere":
-            found = [(np.zeros((1, 3)), _size(read_number(shape, "radius", where), where))]
+            found = [(np.zeros((1, 3)), _size(read_number(shape, "radius", where), where), _EXACT)]
         elif shape.tag == "cylinder":
             sizes = [read_number(shape, key, where) for key in ("radius", "length")]
             radius, length = (_size(value, where) for value in sizes)
-            found = [(cylinder_points(radius, length / 2), 0.0)]
+            found = [(cylinder_points(radius, length / 2), 0.0, _EXACT)]
         elif shape.tag == "box":
             sides = [_size(value, where) for value in read_vector(shape, "size", where)]
-            found = [(box_points(np.array(sides) / 2), 0.0)]
+            found = [(box_points(np.array(sides) / 2), 0.0, _EXACT)]
         else:
             raise RobotError(f"no body for a {printable(shape.tag, 40)}")
-        return [(self._placed(points), radius) for points, radius in found]
+        return [(self._placed(a), radius, self._placed(held)) for a, radius, held in found]
 
     def surface(self) -> tuple[Array, Indices]:
         """Its triangles: vertices (V, 3) in the joint frame [m] and faces (F, 3).
@@ -77,7 +92,7 @@ class UrdfShape:
         if self.shape.tag == "mesh":
             corners = self._placed(self._mesh().reshape(-1, 3))
             return corners, np.arange(len(corners)).reshape(-1, 3)
-        ((points, radius),) = self.solids()
+        ((points, radius, _),) = self.solids()
         return Body(name=self.name, link=self.link, points=points, radius=radius).surface()
 
     def _placed(self, points: Array) -> Array:
@@ -116,6 +131,7 @@ def with_collision_geometry(
         RobotError: The file is not the robot's.
     """
     found: list[Body] = []
+    held: list[Array] = []
     notes: list[str] = []
     unread: list[str] = []
     lost: list[tuple[str, str]] = []
@@ -129,7 +145,7 @@ def with_collision_geometry(
     judged: list[str] = []
     for item in (*shapes, *seen):
         try:
-            for points, radius in item.solids():
+            for points, radius, corners in item.solids():
                 if item.element.tag == "visual":
                     if any(b.link == item.link and _holds(b, points, radius) for b in found):
                         continue
@@ -137,6 +153,7 @@ def with_collision_geometry(
                 count[item.name] += 1
                 name = f"{item.name} {count[item.name]}"
                 found.append(Body(name=name, link=item.link, points=points, radius=radius))
+                held.append(corners)
         except MissingExtraError:
             unread.append(item.name)
         except _NoMesh as error:
@@ -154,7 +171,29 @@ def with_collision_geometry(
     if judged:
         named = ", ".join(dict.fromkeys(judged))
         known = (*known, f"no collision geometry, judged by visual geometry: {named}")
-    return replace(robot, bodies=tuple(found), body_notes=(*robot.body_notes, *notes), notes=known)
+    bodies = _tightened(robot, found, held)
+    return replace(robot, bodies=bodies, body_notes=(*robot.body_notes, *notes), notes=known)
+
+
+def _tightened(robot: RobotModel, bodies: list[Body], held: list[Array]) -> tuple[Body, ...]:
+    """The bodies; those that others are close to reach less far beyond the corners held (P, 3).
+
+    What is 5 mm apart, as a shoulder and the upper arm that turns on it, has no room for the
+    inflation of both.
+    """
+    if not any(len(corners) for corners in held):
+        return tuple(bodies)
+    limits = robot.limits
+    lower = np.fmax(limits.lower, -np.pi)
+    upper = np.fmax(np.fmin(limits.upper, np.pi), lower)
+    q = np.random.default_rng(0).uniform(lower, upper, (_POSES, robot.joints))
+    for k in close_bodies(bodies, joint_poses(robot, q)):
+        if len(held[k]):
+            points, radius = around_points(
+                held[k], corners=TIGHTER * CORNERS, within=WITHIN / TIGHTER
+            )
+            bodies[k] = replace(bodies[k], points=points, radius=radius)
+    return tuple(bodies)
 
 
 def _holds(body: Body, points: Array, radius: float) -> bool:
@@ -200,6 +239,9 @@ def _size(value: float, where: str) -> float:
 
 _ROUNDING = 1e-6
 """[m]"""
+_EXACT = np.empty((0, 3))
+_POSES = 40
+"""At which it is seen what is close to what."""
 _SEARCHED = ("AMENT_PREFIX_PATH", "ROS_PACKAGE_PATH")
 _NAMED = 8
 """Places named where a mesh was not found."""
