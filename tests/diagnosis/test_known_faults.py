@@ -85,7 +85,7 @@ def test_a_real_arm_whose_friction_is_hardly_seen_has_no_spring() -> None:
         columns="t=0,q=1:8,qd=8:15,effort=15:22",
     )
     found = {(f.kind, f.joints) for f in findings_of(record, robot) if f.severity != "info"}
-    assert found == {("drive_gain", (5,)), ("friction_compensated", ())}
+    assert found == {("drive_gain", (5,))}
 
 
 @pytest.mark.skipif(not MODELS.is_dir(), reason="the package example-robot-data is not installed")

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynid.bench import Case, Judged, Recorded, arm, plant, recorded, run_verdicts, summarise
+from dynid.bench import Case, Judged, Plant, Recorded, arm, plant, recorded, run_verdicts, summarise
 from dynid.diagnosis import Recording, findings_of
 from dynid.diagnosis.residual import fits, inertial_prior, presliding_of, reference
 from dynid.diagnosis.whole_signals import whole_signals
+from dynid.robot import RobotModel
 from dynid.signals import process
 
 GRID_DECADES = 0.3
@@ -110,6 +111,23 @@ def test_clean_recordings_raise_nothing(case: Case) -> None:
     (row,) = run_verdicts(judge, [case])
     assert row.kinds == ()
     assert row.error_percent < 1e-6
+
+
+@pytest.mark.parametrize("scale", [0.15, 0.0])
+@pytest.mark.parametrize(("name", "motion"), [("ur5", "fourier"), ("ur3", "teach")])
+def test_an_arm_with_little_friction_is_not_one_whose_friction_was_compensated(
+    monkeypatch: pytest.MonkeyPatch, name: str, motion: str, scale: float
+) -> None:
+    """As much is left of friction that a controller takes off, but not near reversals."""
+
+    def smooth(robot: RobotModel, seed: int) -> Plant:
+        real = plant(robot, seed)
+        parts = {part: scale * getattr(real, part) for part in ("coulomb", "viscous", "load")}
+        return replace(real, **parts)
+
+    monkeypatch.setattr("dynid.bench.verdicts.plant", smooth)
+    made = recorded(Case(arm=name, motion=motion, rate_hz=125.0, duration_s=10.0, seed=7))
+    assert "friction_compensated" not in {f.kind for f in findings_of(made.record, made.robot)}
 
 
 def test_links_that_were_published_roughly_are_no_fault() -> None:
