@@ -380,3 +380,26 @@ def test_nothing_but_json_on_stdout(recordings: Recordings, tmp_path: Path) -> N
     assert done.stderr == ""
     assert Outcome(0, done.stdout, "").json()["preset"] == "paper"
     assert len(done.stdout.splitlines()) == 1
+
+
+def test_a_design_without_masses_says_so_in_words(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "bare.toml"
+    path.write_text(
+        """name = "bare"
+[dh]
+convention = "standard"
+a = [0.3, 0.3]
+d = [0.0, 0.0]
+alpha = [1.5707963267948966, 0.0]
+[limits]
+lower = [-2.0, -2.0]
+upper = [2.0, 2.0]
+velocity = [2.0, 2.0]
+torque = [50.0, 20.0]
+"""
+    )
+    out = run(
+        "design", str(path), "-o", str(tmp_path / "d.json"), "--starts", "1", "--no-collision"
+    )
+    assert "expected torque error unknown without masses of its links" in out.out, out
+    assert "- %" not in out.out

@@ -721,3 +721,15 @@ def test_one_file_a_joint(tmp_path: Path, name: str) -> None:
     np.testing.assert_allclose(record.signals["effort"], effort, atol=1e-6)
     with pytest.raises(RecordError, match=r"3 columns but q has 6|1 joints|3 joints"):
         read_recording(files[:3], robot=load_robot("ur5"))
+
+
+@pytest.mark.parametrize("header", [True, False])
+@pytest.mark.parametrize(("name", "columns"), [(None, "q=1:7"), ("panda", "q=1:8")])
+def test_the_example_of_columns_has_as_many_joints_as_the_robot(
+    tmp_path: Path, header: bool, name: str | None, columns: str
+) -> None:
+    names = [f"x{k}" for k in range(22)] if header else []
+    path = write(tmp_path / "log.csv", names, np.random.default_rng(0).normal(size=(50, 22)))
+    robot = name and load_robot(Path(__file__).parents[2] / f"examples/robots/{name}.toml")
+    with pytest.raises(RecordError, match=f"columns, for example t=0,{columns},"):
+        read_recording(path, robot=robot)

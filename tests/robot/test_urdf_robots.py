@@ -152,6 +152,17 @@ def test_mimicking_branches_do_not_end_the_arm() -> None:
     assert robot_from_urdf(_links(text, "abcd")).joint_names == ("j1",)
 
 
+def test_a_torso_that_arms_stand_on_is_not_taken_for_the_arm() -> None:
+    """A torso of one joint, a head of one and an arm of two: which is meant is asked."""
+    arm = (joint("j1", "b", "d"), joint("j2", "d", "e"))
+    text = _links(chain(joint("lift", "a", "b"), joint("head", "b", "c"), *arm), "abcde")
+    with pytest.raises(RobotError, match=r"link b .* 1 moving joints lead there, 2 go on.*tip = "):
+        robot_from_urdf(text)
+    assert robot_from_urdf(text, tip="e").joint_names == ("lift", "j1", "j2")
+    # As many as lead there may be a hand.
+    assert robot_from_urdf(text, locked={"j2": 0.0}).joint_names == ("lift",)
+
+
 def test_a_mimicking_joint_within_the_arm_is_refused_or_locked() -> None:
     text = chain(
         joint("j1", "a", "b"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import sys
 from collections.abc import Mapping
@@ -132,9 +133,11 @@ def _show_design(data: Mapping[str, Any], output: Path, verdict: str) -> None:
     screen = show.console()
     state = ", interrupted: the best so far" if data["interrupted"] else ""
     runs = f"{data['repetitions']} x " if data["repetitions"] > 1 else ""
+    error = data["predicted_torque_error_percent"]
+    known = error is not None and math.isfinite(error)
+    expected = f"{show.number(error)} %" if known else "unknown without masses of its links,"
     screen.print(
-        f"{data['robot']}: expected torque error "
-        f"{show.number(data['predicted_torque_error_percent'])} % from {runs}"
+        f"{data['robot']}: expected torque error {expected} from {runs}"
         f"{data['duration_s']:g} s of motion, {verdict}{state}",
         style="bold",
     )

@@ -23,6 +23,8 @@ from dynid.trajectory import (
 
 _RATE_HZ = 1000.0
 _FEWEST, _MOST = 2000, 60_000
+_MOST_OF_ALL = 20 * _MOST
+"""Of all parts together: some 1 GB of memory. Beyond that long parts have fewer."""
 _WAVE, _SPAN = 64, 32
 """Fewest samples of a harmonic, and of a polynomial."""
 _STEPS, _WAVE_STEPS = 256, 128
@@ -40,9 +42,22 @@ def dense_times(trajectory: Trajectory) -> list[Array]:
 
     One array for each part in which the acceleration does not jump; what is known of both sides of
     a jump is nearly at it. Of a repetition the first period, which is all of it.
+
+    Raises:
+        InputError: More parts than can be judged in the memory that a check may take.
     """
     leaves = list(_leaves(trajectory, 0.0))
-    counts = [_samples(leaf) for _, leaf in leaves]
+    fewest = sum(_fewest(leaf) for _, leaf in leaves)
+    if fewest > _MOST_OF_ALL:
+        raise InputError(
+            "the motion has too many parts to be judged",
+            value=len(leaves),
+            limit=f"{_MOST_OF_ALL} samples, of which they need {fewest}",
+            next_step="Check it in several files.",
+        )
+    most = _MOST
+    while sum(counts := [_samples(leaf, most) for _, leaf in leaves]) > _MOST_OF_ALL + fewest:
+        most //= 2
     more = max(1.0, _FEWEST / sum(counts))
     parts: list[Array] = []
     for (start, leaf), count in zip(leaves, counts, strict=True):
@@ -58,15 +73,18 @@ def dense_times(trajectory: Trajectory) -> list[Array]:
     return parts
 
 
-def _samples(leaf: Trajectory) -> int:
+def _fewest(leaf: Trajectory) -> int:
     match leaf:
         case FourierSeries() | FourierQuintic():
-            fewest = _WAVE * leaf.harmonics
+            return _WAVE * leaf.harmonics
         case BSpline():
-            fewest = _SPAN * (leaf.control.shape[1] - leaf.degree)
+            return _SPAN * (leaf.control.shape[1] - leaf.degree)
         case _:
-            fewest = _SPAN
-    return max(fewest, int(np.clip(np.ceil(leaf.duration * _RATE_HZ), 1, _MOST)))
+            return _SPAN
+
+
+def _samples(leaf: Trajectory, most: int) -> int:
+    return max(_fewest(leaf), int(np.clip(np.ceil(leaf.duration * _RATE_HZ), 1, most)))
 
 
 def _leaves(trajectory: Trajectory, start: float) -> Iterator[tuple[float, Trajectory]]:

@@ -258,14 +258,22 @@ def _per_second(text: str, dimension: str) -> float | None:
     return _ANGLE.get(stem) if left in (0, seconds) else None
 
 
-def refuse_unit(quantity: str, unit: str, column: str) -> RecordError:
-    """The error for the unit of a column that would be read as another."""
+def example_columns(joints: int, *, velocity: bool = False) -> str:
+    """A `--columns` option for so many joints, six where none are known, with currents."""
+    q, qd, current, end = range(1, 2 + 3 * (joints or 6), joints or 6)
+    given = f"qd={qd}:{current}," if velocity else ""
+    return f"t=0,q={q}:{qd},{given}current={current}:{end}"
+
+
+def refuse_unit(quantity: str, unit: str, column: str, joints: int) -> RecordError:
+    """The error for the unit of a column, of so many, that would be read as another."""
     si = _NOT_SI.get(quantity, "SI units")
     hint = f"Convert the column to {si}, or leave its quantity out of --columns."
     if quantity in ("effort", "current"):
         hint = (
-            "Map the columns as a current, for example --columns t=0,q=1:7,current=13:19, and "
-            f"give the torque of one unit [N.m/{unit[:10]}] a joint with --gains g1,..,gn."
+            "Map the columns as a current, for example --columns "
+            f"{example_columns(joints)}, and give the torque of one unit "
+            f"[N.m/{unit[:10]}] a joint with --gains g1,..,gn."
         )
     return UnclearRecordError(
         f"column '{column[:60]}' is in a unit that dynid does not convert",

@@ -13,7 +13,9 @@ from dynid.recording.table import Clock
 
 QUANTITIES = ("t", *JOINT_QUANTITIES)
 _RANGE = re.compile(r"(\d{1,6}):(\d{1,6})")
-_EXAMPLE = "Write it like t=0,q=1:7,qd=7:13,current=13:19 (from 0, ranges exclude their end)."
+_EXAMPLE = (
+    "Write it like t=0,q=1:7,qd=7:13,current=13:19 (six joints; from 0, ranges exclude their end)."
+)
 
 
 def parse_columns(spec: str | Mapping[str, str]) -> dict[str, str]:

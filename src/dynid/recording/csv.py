@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from dynid.core import Finding, RecordError, UnclearRecordError
-from dynid.recording.cells import split
+from dynid.recording.cells import example_columns, split
 from dynid.recording.columns import assign
 from dynid.recording.content import Budget
 from dynid.recording.dialect import Dialect, line_blocks, sniff
@@ -330,7 +330,7 @@ def _read(tables: list[Dialect], options: ReadOptions) -> RawTable:
             if unsaid:
                 notes = (*notes, f"left out, as no quantities of joints: {', '.join(unsaid)}")
     if columns is None and names is None:
-        raise _no_header(sheets)
+        raise _no_header(sheets, len(joints))
     found = assign(names, columns, width, joints)
     # What Universal Robots' RTDE recorders write.
     of_ur = {"timestamp", "actual_q_0"} <= set(names or ())
@@ -403,7 +403,7 @@ def _all_names(sheets: list[Sheet]) -> tuple[str, ...] | None:
     return tuple(found)
 
 
-def _no_header(sheets: list[Sheet]) -> RecordError:
+def _no_header(sheets: list[Sheet], joints: int) -> RecordError:
     for sheet in sheets:
         if sheet.dialect.header_cells:
             return UnclearRecordError(
@@ -415,7 +415,8 @@ def _no_header(sheets: list[Sheet]) -> RecordError:
     return UnclearRecordError(
         "there is no header that names the columns",
         value=f"{sum(sheet.width for sheet in sheets)} columns",
-        next_step="Name them with --columns, for example t=0,q=1:7,qd=7:13,current=13:19.",
+        next_step="Name them with --columns, for example "
+        f"{example_columns(joints, velocity=True)}.",
     )
 
 

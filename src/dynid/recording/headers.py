@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, Finding, RecordError, UnclearRecordError, printable
-from dynid.recording.cells import factors_of, refuse_unit
+from dynid.recording.cells import example_columns, factors_of, refuse_unit
 from dynid.recording.names import OTHER, TARGET, Name, parse_name, split_joint, words_of
 from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, Clock, RawTable, find_clocks, stamps_of
 
@@ -301,7 +301,7 @@ def match_headers(names: Sequence[str], joints: Sequence[str] = ()) -> Match:
             units = [family.unit_of(column) for column in found]
             known, at = factors_of(quantity, units)
             if at is not None:
-                raise refuse_unit(quantity, units[at], names[found[at]])
+                raise refuse_unit(quantity, units[at], names[found[at]], len(found))
             width = len(columns.get("q", found))
             if len(found) != width:
                 raise UnclearRecordError(
@@ -320,7 +320,7 @@ def match_headers(names: Sequence[str], joints: Sequence[str] = ()) -> Match:
         raise NotRecognised(
             "no columns of positions are recognised",
             value=tuple(names)[:40],
-            next_step="Name them with --columns, for example t=0,q=1:7,current=13:19.",
+            next_step=f"Name them with --columns, for example {example_columns(len(joints))}.",
         )
     return Match(
         columns={"t": list(clocks[0].columns), **columns} if clocks else columns,

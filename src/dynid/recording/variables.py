@@ -91,7 +91,7 @@ def _by_names(variables: Mapping[str, Array], paths: Sequence[str]) -> Generator
             f"the variables cannot be recognised by their names: {error.what}{shown}",
             value="; ".join(f"{p} {variables[p].shape}" for p in paths[:25]),
             next_step="Name them with --columns, for example t=rec.time,q=rec.pos,effort=rec.tau, "
-            "or t=0,q=1:7,effort=7:13 of the only matrix.",
+            "or t=0,q=1:7,effort=7:13 of the only matrix, of six joints.",
         ) from error
 
 
@@ -170,7 +170,7 @@ def table_of(variables: Mapping[str, Array], options: ReadOptions) -> RawTable:
             continue
         factor = factors.get(name, 1.0)
         if factor is None and options.columns is None:
-            raise refuse_unit(name, said[name], paths[name])
+            raise refuse_unit(name, said[name], paths[name], width or 0)
         if factor is None:
             factor = 1.0
             notices.append(taken_as_it_is(name, paths[name], said.pop(name)))

@@ -18,6 +18,9 @@ from dynid.robot.urdf_xml import MOVING, UrdfJoint, UrdfTree, parse_urdf
 
 _GRIPPER = re.compile(r"gripper|finger|jaw|knuckle|claw", re.IGNORECASE)
 _WRIST = re.compile(r"roll|pitch|yaw|rot|wrist|twist", re.IGNORECASE)
+_NAME_TIP = (
+    'Name the tip link of the arm in a robot file, two lines: urdf = "FILE.urdf" and tip = "LINK"'
+)
 # The usual names of the place where tools are mounted, best first.
 _FLANGES = ("tool0", "flange", "ee_link", "end_effector_link", "tcp", "tool_link", "ee")
 
@@ -61,7 +64,7 @@ def find_trunk(
             raise RobotError(what, where=where, value=name, limit=_listed(moving))
     survey = _Survey(tree, frozen)
     notes: list[str] = []
-    path = survey.path_to(tip, where) if tip is not None else survey.main_path(notes)
+    path = survey.path_to(tip, where) if tip is not None else survey.main_path(notes, where)
     chosen = [j for j in path if survey.independent(j)]
     if tip is None:
         _drop_gripper(chosen, notes)
@@ -73,7 +76,7 @@ def find_trunk(
             where=where,
             value=tip,
             limit=tips or "nothing moves in this file",
-            next_step='Name the tip link of the arm: tip = "..." in a robot file',
+            next_step=_NAME_TIP,
         )
     within = path[path.index(chosen[0]) : path.index(chosen[-1])]
     if any(j.kind in ("floating", "planar") for j in within):
@@ -157,14 +160,28 @@ class _Survey:
         """Whether the joint moves by itself."""
         return self._moves(joint) and joint.mimic is None
 
-    def main_path(self, notes: list[str], start: str | None = None) -> list[UrdfJoint]:
-        """The way from a link (the root) along which the arm goes."""
+    def main_path(self, notes: list[str], where: str, start: str | None = None) -> list[UrdfJoint]:
+        """The way from a link (the root) along which the arm goes.
+
+        Raises:
+            RobotError: Beyond a branch more joints move than before it: wheels or a torso, no arm.
+        """
         path: list[UrdfJoint] = []
         link = self._tree.root if start is None else start
         while ways := [j for j in self._below[link] if self._moving[j.name]]:
             mains = [j for j in ways if self._independent[j.name]]
             if len(ways) > 1:
                 if len(mains) != 1 or self._independent[mains[0].name] < 2:
+                    before = sum(self.independent(j) for j in path)
+                    beyond = max(self._independent[j.name] for j in ways)
+                    if start is None and 0 < before < beyond:
+                        raise RobotError(
+                            f"which chain is the arm? At link {printable(link)} the chain branches:"
+                            f" {before} moving joints lead there, {beyond} go on",
+                            where=where,
+                            limit=self.tips(),
+                            next_step=_NAME_TIP,
+                        )
                     more = any(self._independent[j.name] > 3 for j in ways)
                     step = f"; to go on, name a tip: {self.tips()}" if more and not start else ""
                     notes.append(
@@ -198,7 +215,7 @@ class _Survey:
         waiting = [self._tree.root]
         while waiting:
             start = waiting.pop()
-            path = self.main_path([], start)
+            path = self.main_path([], "", start)
             chosen = [j for j in path if self.independent(j)]
             if chosen:
                 ends.setdefault(self.flange(chosen[-1].child), len(chosen))
