@@ -127,7 +127,9 @@ def test_an_arm_with_little_friction_is_not_one_whose_friction_was_compensated(
 
     monkeypatch.setattr("dynid.bench.verdicts.plant", smooth)
     made = recorded(Case(arm=name, motion=motion, rate_hz=125.0, duration_s=10.0, seed=7))
-    assert "friction_compensated" not in {f.kind for f in findings_of(made.record, made.robot)}
+    found = findings_of(made.record, made.robot)
+    assert "friction_compensated" not in {f.kind for f in found}
+    assert scale > 0.0 or "hardly_any_friction" in {f.kind for f in found if f.severity == "info"}
 
 
 def test_links_that_were_published_roughly_are_no_fault() -> None:

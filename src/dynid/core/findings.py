@@ -49,6 +49,7 @@ KINDS: Mapping[str, tuple[str, str]] = {
     "gravity_compensated": ("torque_kind", "error"),
     "absolute_torque": ("torque_kind", "error"),
     "friction_compensated": ("torque_kind", "warning"),
+    "hardly_any_friction": ("torque_kind", "info"),
     "commanded": ("torque_kind", "warning"),
     "unexplained": ("over_fitted", "warning"),
     "negative_friction": ("not_physical", "warning"),

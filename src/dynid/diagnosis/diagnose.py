@@ -32,6 +32,8 @@ DRIVEN = (0.45, 0.2)
 Friction only brakes: fits of it leave up to 0.37 (8 real recordings, 60 simulated), or up to 0.13
 of the torque where there is none. What a controller takes off turns round with the velocity, and
 friction over a distance, so that both are seen: 0.53 and 0.34 or more."""
+NO_FRICTION = (0.03, 0.6)
+"""Braking torque over the torque limit, and over the torque, that few gears stay below."""
 NEAR_ZERO = 0.01
 """Share of its largest value to which a torque comes that turns round at zero."""
 NO_NOISE = 2e-4
@@ -315,8 +317,8 @@ def _signals(
         found.append(Finding("saturated", text, joints=(j,), next_step="record a slower motion"))
     # The friction of coupled motors turns round where their ratio, which is estimated, says.
     doubted = {*stopped, *(j for e in explained.found if e.kind in COUPLED for j in e.joints)}
-    kinds = [] if made else _kind_of_torque(explained)
-    if kinds:
+    kinds = [] if made else _kind_of_torque(explained, limit)
+    if any(k.severity != "info" for k in kinds):
         # Friction was taken off where joints move; what holds one of them at rest is not known.
         touched = tuple(c for c in touched if len(c.joints) > 1 or _moving(rec, c))
     if not made:
@@ -401,21 +403,27 @@ def _computed(tau: Array, error: Array) -> bool:
     return bool(np.median(noise / size) < NO_NOISE and np.median(left / size) < MODELLED)
 
 
-def _kind_of_torque(explained: Explained) -> list[Finding]:
+def _kind_of_torque(explained: Explained, limit: Array) -> list[Finding]:
     ref = explained.reference
     rec, n = ref.recording, ref.recording.robot.joints
     count = (ref.shapes.stop - ref.shapes.start) // SHAPES
     dq = rec.average(rec.dq.T)
-    torque = np.sqrt(np.square(rec.tau).mean(axis=0)) * np.abs(dq).sum(axis=1)
+    way = np.maximum(np.abs(dq).sum(axis=1), 1e-300)
+    torque = np.maximum(np.sqrt(np.square(rec.tau).mean(axis=0)), 1e-300)
     driven: list[tuple[float, float]] = []
+    left: list[tuple[float, float]] = []
     # Slides may have no gears, and friction of a joint that stands still is not seen.
     turns: list[int] = np.flatnonzero(~np.array(rec.robot.prismatic) & travels(rec.q)).tolist()
     for j in turns:
         own = [10 * n + j, *range(ref.shapes.start + j, ref.shapes.stop, count)]
-        power: Array = explained.values[own] * (ref.columns[own, j] @ dq[j])
+        power: Array = explained.values[own] * (ref.columns[own, j] @ dq[j]) / way[j]
         drives, brakes = (float(np.maximum(sign * power, 0.0).sum()) for sign in (-1, 1))
-        driven.append((drives / max(brakes, 1e-300), drives / max(float(torque[j]), 1e-300)))
+        driven.append((drives / max(brakes, 1e-300), drives / float(torque[j])))
+        left.append(((brakes - drives) / float(limit[j]), (brakes - drives) / float(torque[j])))
     if driven and bool((np.median(driven, axis=0) > DRIVEN).all()):
         text = "friction has been taken off the torques: part of what is left of it drives the arm"
         return [Finding("friction_compensated", text)]
+    if left and bool((np.median(left, axis=0) < NO_FRICTION).all()):
+        text = "the torques contain hardly any friction: that of the gears is low, or not measured"
+        return [Finding("hardly_any_friction", text)]
     return []
