@@ -11,7 +11,7 @@ from dynid import identify
 from dynid.diagnosis import findings_of
 from dynid.recording import ExperimentRecord, read_recording
 from dynid.robot import RobotModel, load_robot
-from dynid.validation import validate
+from dynid.validation import refit_friction, samples_of, validate
 from dynid.workflow import Identification, IdentifySettings
 
 ROOT = Path(__file__).parents[2]
@@ -130,7 +130,12 @@ def test_tx40_with_its_coupled_wrist(together: int) -> None:
     }
     t = means.pop("t")[:, 0]
     result = halves(ExperimentRecord(t=t, signals=means), robot, "best")
-    assert {"Fcm6", "Fvm6", "Imm6"} <= set(result.estimate.model.names)
+    found = result.estimate
+    assert {"Fcm6", "Fvm6", "Imm6"} <= set(found.model.names)
+    adapted = refit_friction(found, samples_of(found, ExperimentRecord(t=t, signals=means)))
+    changed = dict(zip(found.names, adapted.values != found.values, strict=True))
+    assert changed["Fvm6"]
+    assert not changed["Imm6"]
     assert result.validation is not None
     assert result.validation.metrics.r2[4] >= 0.88
     assert result.validation.metrics.r2[5] >= 0.84
