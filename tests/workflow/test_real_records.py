@@ -171,6 +171,10 @@ def test_kr300_warns_and_still_predicts(
     assert not any(result.estimate.settings.delays_s or ())
     plain = identify([a], robot, IdentifySettings(preset="paper"), validation=b)
     assert {"ill_conditioned", "over_fitted"} <= codes(plain)
+    # Rounding leaves a covariance that is not positive definite; deviations are told all the same.
+    bodies = identify([a], robot, IdentifySettings(preset="paper", estimator="sdp")).estimate
+    assert (bodies.std > 0.0).all()
+    assert np.isfinite(bodies.std).all()
 
 
 @pytest.mark.parametrize("preset", ["paper", pytest.param("best", marks=pytest.mark.long)])

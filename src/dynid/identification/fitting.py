@@ -264,7 +264,10 @@ def _standard(
 
     Noise and errors of the prior both reach them through the fit's response.
     """
-    root = np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance)))
+    # Not Cholesky's: of a motion that hardly tells parameters apart, rounding leaves some below 0.
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     spread = np.concatenate([found.gain @ root, found.pulled], axis=1)
     standard = StandardParameters(
         values=found.values,
