@@ -168,6 +168,20 @@ def test_planted_faults_are_named(
     assert (told["cases"], told["named"]) == (1, 1)
 
 
+@pytest.mark.parametrize(
+    ("factor", "level", "misled"), [(1.1, "usable", 1), (1.01, "usable", 0), (1.1, "care", 0)]
+)
+def test_a_model_that_is_called_usable_and_errs_misleads(
+    factor: float, level: str, misled: int
+) -> None:
+    def trust(made: Recorded) -> Judged:
+        return Judged(findings=(), level=level, t=made.validation.t, predicted=factor * made.clean)
+
+    case = Case(arm="ur3", motion="fourier", rate_hz=100.0, duration_s=2.0, seed=1, fault="delay")
+    (told,) = summarise(run_verdicts(trust, [case]))["faults"]
+    assert told["misled"] == misled
+
+
 def test_light_links_of_an_unpublished_arm_are_fitted_as_well_as_heavy_ones() -> None:
     """Of a hundredth of the torques, 12 to 32 times as much was left of four joints."""
     made = recorded(Case(arm="ur10e", motion="fourier", rate_hz=125.0, duration_s=10.0, seed=1))

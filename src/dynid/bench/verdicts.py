@@ -272,7 +272,7 @@ SAME = {
     "exchanged_torques": ("exchanged_torques", "exchanged"),
 }
 """Fault to the kinds of finding that name it, where they are called otherwise."""
-COLUMNS = ("fault", "size", "cases", "named", "found", "usable")
+COLUMNS = ("fault", "size", "cases", "named", "found", "usable", "misled")
 ANYWHERE = frozenset(
     {"gains", "delay", "clock", "tilt", "payload", "friction_drift", "contact", *DISCRETE[4:]}
 ) - {"saturated"}
@@ -387,6 +387,9 @@ def summarise(rows: Sequence[Row]) -> dict[str, Any]:
                         "named": sum(r.named for r in cells),
                         "found": sum(bool(r.kinds) for r in cells),
                         "usable": sum(r.level == "usable" for r in cells),
+                        "misled": sum(
+                            r.level == "usable" and r.error_percent > GOOD for r in cells
+                        ),
                     }
                 )
     return {
@@ -425,8 +428,9 @@ def markdown(told: dict[str, Any], title: str) -> str:
         "",
         "Right cause: " + ", ".join(f"{k} {v:.0f} %" for k, v in rates(told).items()) + ".",
         "",
-        "| fault | size | cases | named | anything found | still called usable |",
-        "|---|---|---|---|---|---|",
+        "| fault | size | cases | named | anything found | still called usable |"
+        f" and off by more than {GOOD:g} % |",
+        "|---|---|---|---|---|---|---|",
     ]
     lines += ["| " + " | ".join(str(row[key]) for key in COLUMNS) + " |" for row in told["faults"]]
     return "\n".join([*lines, ""])

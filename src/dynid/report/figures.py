@@ -56,7 +56,7 @@ def torque_panels(
     )
     moving = np.abs(result.dq[:, j]) >= MOVING_SPEED
     usual = float(np.std(error[moving])) if moving.any() else float(np.std(error))
-    reach = _rounded_up(max(5.0 * usual, 1e-6))
+    reach = _rounded_up(max(4.0 * usual, 1e-6))
     told = item.estimate.assessment
     noise = 0.0 if told is None else float(told.noise_floor[j])
     edges = ([-2 * noise] * 2, [2 * noise] * 2)
@@ -83,7 +83,8 @@ def torque_panels(
 
 def _rounded_up(value: float) -> float:
     decade = 10.0 ** np.floor(np.log10(value))
-    return float(decade * next(s for s in (1, 2, 3, 4, 5, 6, 8, 10) if s * decade >= value))
+    steps = (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10)
+    return float(decade * next(s for s in steps if s * decade >= value))
 
 
 def torque_figure(item: ReportedEstimate) -> draw.Figure | None:
