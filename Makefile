@@ -78,9 +78,9 @@ realtime: develop chromium
 	$$(grep -rl --include='test_*.py' mark.realtime tests urtwin/tests)
 
 bench: develop
-	$(BIN)/python benchmarks/startup.py
-	@for script in $(filter-out benchmarks/startup.py,$(wildcard benchmarks/*.py)); do \
-		echo "== $$script"; $(BIN)/python $$script || exit 1; done
+	@for script in $(wildcard benchmarks/*.py); do \
+		echo "== $$script"; $(BIN)/python $$script || missed="$$missed $$script"; done; \
+	test -z "$$missed" || { echo "missed or failed:$$missed" >&2; exit 1; }
 
 # What is too long for every commit; writes docs/proof.md. ONLY="answers benchmarks" takes some.
 proof: develop

@@ -3,10 +3,10 @@
 The same columns, settings and weights, each fitted by `wls` and by `sdp`. Asked: the weighted
 residual sum grows by 2 % at most, errors on the other part by 1 %, pseudo-inertias and the mass
 matrix are positive (1e5 random poses), masses are within a factor of 3 of published ones, and a
-six-joint arm takes 2 s. Needs the extra `sdp`; the real recordings are read from ../shared/data,
-or the folder given, where they are.
+six-joint arm takes 2 s of CPU. Needs the extra `sdp`; the real recordings are read from
+../shared/data, or the folder given, where they are.
 
-    python benchmarks/consistent.py [DATA]
+    python benchmarks/consistent.py [DATA [NAME...]]
 """
 
 import sys
@@ -18,7 +18,7 @@ from real_recordings import Case, cases, identified
 from shared.measuring import DATA, print_head, print_row
 
 import dynid
-from dynid.core import Array
+from dynid.core import Array, one_thread
 from dynid.identification import (
     PRIOR_GAIN,
     Estimate,
@@ -60,16 +60,16 @@ def compared(case: Case, plain: Estimate) -> tuple[float, float, float]:
     """Both fits of one problem.
 
     Growth of the weighted residual sum [%], the largest move of a parameter [standard deviations],
-    and seconds of the consistent fit.
+    and CPU seconds of the consistent fit.
     """
     samples = process(case.record, case.robot, plain.settings)
     problem = IdentificationProblem(base=reduce_model(plain.model), samples=samples)
     factors = joint_factors(problem)
     fit = WeightedLeastSquares(prior_gain=PRIOR_GAIN).fit(problem)
     least = residual_sum(factors, fit.weights, fit.values)
-    started = time.perf_counter()
+    started = time.process_time()
     bodies = PhysicallyConsistent(prior_gain=PRIOR_GAIN).fit(problem)
-    seconds = time.perf_counter() - started
+    seconds = time.process_time() - started
     moved = float((np.abs(bodies.values - fit.values) / plain.std).max())
     return 100 * (residual_sum(factors, fit.weights, bodies.values) / least - 1), moved, seconds
 
@@ -110,12 +110,15 @@ def cells(case: Case, preset: str) -> tuple[str, ...]:
     )
 
 
+@one_thread()
 def main(words: list[str]) -> int:
     """Print the table."""
     data = Path(words[0]) if words else DATA
     columns = "record, preset, residual [%], held out [%], pseudo-inertia, mass matrix"
-    print_head((columns + ", mass over published, moved [std], s").split(", "))
+    print_head((columns + ", mass over published, moved [std], CPU s").split(", "))
     for case in [*simulated(), *(cases(data) if data.exists() else [])]:
+        if words[1:] and not case.name.startswith(tuple(words[1:])):
+            continue
         for preset in ("paper", "best"):
             print_row(cells(case, preset))
     print(f"asked: {ASKED}")

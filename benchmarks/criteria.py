@@ -24,6 +24,7 @@ from shared.pinocchio_arm import Array, PinocchioArm
 
 from dynid import DesignSettings, design, load_robot, random_excitation
 from dynid.constraints import MotionConstraints, safe_constraints
+from dynid.core import one_thread
 from dynid.trajectory import JointMotion, Quintic
 
 NOISE = np.array([2.0, 2.5, 1.5, 0.4, 0.4, 0.3])
@@ -163,6 +164,7 @@ def _safe(limits: MotionConstraints, motion: JointMotion) -> bool:
     return limits.violation(motion.q[part], motion.dq[part], motion.ddq[part])[0] == 0.0
 
 
+@one_thread()
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=10)

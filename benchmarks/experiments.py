@@ -32,7 +32,7 @@ from shared.pinocchio_arm import Array
 
 from dynid import DesignSettings, ExcitationDesign, ExperimentRecord, design
 from dynid.constraints import safe_constraints, scene_from_json
-from dynid.core import JsonFields, Mask
+from dynid.core import JsonFields, Mask, one_thread
 from dynid.excitation import assumed_noise
 from dynid.recording import write_record
 from dynid.robot import load_robot, with_tool
@@ -184,6 +184,7 @@ def crowded(seeds: int) -> bool:
     return good
 
 
+@one_thread()
 def main() -> int:
     """One of them; 1 if its figure is missed."""
     kinds = {

@@ -1,7 +1,7 @@
-"""Fit the collision bodies of the built-in arms to Universal Robots' meshes, and prove them.
+"""Prove the collision bodies of the built-in arms on Universal Robots' meshes, or fit them.
 
-    python benchmarks/fit_bodies.py [ur5 ...] [--meshes ../shared/data/ur_meshes]   fit, rewrite
-    python benchmarks/fit_bodies.py --check                                         prove alone
+    python benchmarks/fit_bodies.py [ur5 ...] [--meshes ../shared/data/ur_meshes]   prove alone
+    python benchmarks/fit_bodies.py [ur5 ...] --fit                                 fit, rewrite
 
 A fit writes the [[body]] tables of `src/dynid/robot/library/*.toml`. Fitting and proving have
 nothing in common but the meshes: the proof reads the robot as users do, and finds for every
@@ -14,6 +14,7 @@ surface of a link's bodies is from its mesh.
 import argparse
 import json
 import re
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -191,21 +192,24 @@ def check(robot: RobotModel, meshes: Path = MESHES) -> dict[str, Any]:
     }
 
 
-def main() -> None:
+def main() -> int:
+    """Print a line an arm; 1 if a triangle is in no body."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("robots", nargs="*", default=ROBOTS)
     parser.add_argument("--meshes", type=Path, default=MESHES)
-    parser.add_argument("--check", action="store_true", help="prove what the files hold")
+    parser.add_argument("--fit", action="store_true", help="rewrite the library's files")
     given = parser.parse_args()
     stored = json.loads(STORED.read_text()) if STORED.is_file() else {}
+    outside = 0
     for name in given.robots:
-        if not given.check:
+        if given.fit:
             file = LIBRARY / f"{name}.toml"
             kept = re.split(r"^\[\[(?:capsule|body)\]\]", file.read_text(), flags=re.MULTILINE)[0]
             file.write_text(kept.rstrip() + "\n" + tables(name, given.meshes))
         stored[name] = check(load_robot(name), given.meshes)
         shown = stored[name]
         lost = sum(link["outside"] for link in shown["links"].values())
+        outside += lost
         print(
             f"{name:6s} {sum(x['bodies'] for x in shown['links'].values()):2d} bodies, triangles"
             f" in none: {lost}, surface to mesh {shown['median_mm']} mm (median),"
@@ -213,7 +217,8 @@ def main() -> None:
             flush=True,
         )
         STORED.write_text(json.dumps(stored, indent=1) + "\n")
+    return int(outside > 0)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -129,6 +129,9 @@ def digest(given: Given) -> str:
 def main() -> None:
     """Print one line a rule."""
     rules = pipeline.RULES
+    known = [rule.apply.__name__ for rule in rules]
+    if unknown := set(sys.argv[1:]) - set(known):
+        sys.exit(f"no rules: {', '.join(unknown)}; there are {', '.join(known)}")
     # Without a rule, those after it get what they never get.
     warnings.simplefilter("ignore")
     with tempfile.TemporaryDirectory() as folder:
@@ -139,7 +142,7 @@ def main() -> None:
     usual = Counter(outcome(*item) for item in damaged)
     print(f"{len(damaged)} damaged tables, {len(real)} recordings; {dict(usual)}")
     print(f"{'rule':22} tests  damaged: {', '.join(words)}; recordings that are read otherwise")
-    for name in sys.argv[1:] or [rule.apply.__name__ for rule in rules]:
+    for name in sys.argv[1:] or known:
         pipeline.RULES = tuple(rule for rule in rules if rule.apply.__name__ != name)
         now = Counter(outcome(*item) for item in damaged)
         more = "".join(f"{now[word] - usual[word]:+6}" for word in words)

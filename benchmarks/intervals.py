@@ -22,7 +22,7 @@ from scipy.signal import lfilter
 
 import dynid
 from dynid.bench.plants import Motion, Plant, arm, motion, plant
-from dynid.core import Array, DynidError
+from dynid.core import Array, DynidError, one_thread
 from dynid.identification import select, standard_posterior
 from dynid.identification.bayesian import deviations
 from dynid.identification.problem import base_mapping
@@ -166,6 +166,7 @@ def delay(_: str, seed: int) -> tuple[str, dict[str, Array]]:
     return f"{name} {1e3 * taken:.1f} +- {1e3 * std:.1f}", groups
 
 
+@one_thread()
 def main() -> None:
     """Print a line a recording, and how many intervals hold."""
     asked = argparse.ArgumentParser(description=__doc__)

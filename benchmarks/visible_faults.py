@@ -21,7 +21,7 @@ import numpy as np
 from dynid.bench import cases, recorded
 from dynid.bench.plants import plant
 from dynid.bench.verdicts import FAULTS, SAME, SIZES, Case, Judged, Recorded, run_verdicts
-from dynid.core import Array
+from dynid.core import Array, one_thread
 from dynid.diagnosis import findings_of
 from dynid.diagnosis.diagnose import recording_of
 from dynid.diagnosis.hypotheses import hypotheses
@@ -102,6 +102,7 @@ def _change(
     return np.zeros(reference.torque.shape)
 
 
+@one_thread()
 def main() -> None:
     """Print a line a case, then the shares."""
     options = argparse.ArgumentParser(description=__doc__)

@@ -1,7 +1,7 @@
 """Built-in bodies and certificates against Universal Robots' meshes, judged by pinocchio and coal.
 
 The whole run, 84 designs at 2 kHz, is `benchmarks/collision_oracle.py`; the proof that every
-triangle is held is `benchmarks/fit_bodies.py --check`, stored in `benchmarks/bodies.json`.
+triangle is held is `benchmarks/fit_bodies.py`, stored in `benchmarks/bodies.json`.
 """
 
 import json

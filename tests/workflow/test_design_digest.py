@@ -275,6 +275,19 @@ def test_a_design_remembers_where_meshes_are(tmp_path: Path) -> None:
     assert check(tmp_path / "design.json", mesh_dirs=there).design.digest == "matches"
 
 
+def test_how_the_path_of_the_robot_was_written_is_no_change(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("arm.urdf").write_text(ARM)
+    settings = DesignSettings(method="ga", population=4, generations=1, harmonics=3, period_s=8.0)
+    design("arm.urdf", settings, output=Path("design.json"))
+    stored = read_design("design.json")
+    # The mesh is nowhere, and where it was looked for is told with the robot's path.
+    assert any(str(tmp_path) in note for note in stored.robot.body_notes)
+    assert stored.changed == ()
+
+
 @pytest.mark.parametrize(
     ("poses", "said"),
     [

@@ -278,6 +278,14 @@ def test_sums_are_those_of_all_columns(kind: str) -> None:
     np.testing.assert_allclose(blocks.products.sum(axis=1), wanted, rtol=1e-9, atol=1e-6)
 
 
+def test_panels_use_their_memory_again() -> None:
+    base = reduce_model(InverseDynamicModel(robot=UR5))
+    samples = process(recording(), UR5, ProcessingSettings(cutoff_hz=5.0))
+    panels, part = PanelRows(base), slice(100, 200)
+    (_, first), (_, second) = (next(panels.chunks(samples, part)) for _ in range(2))
+    assert all(map(np.shares_memory, first, second))
+
+
 def test_row_groups_let_parts_be_read(tmp_path: Path) -> None:
     rows = 140_000
     q = np.cumsum(np.ones((rows, 2)), axis=0)

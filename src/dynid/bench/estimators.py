@@ -14,9 +14,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core import Array, DynidError, InputError, JobError, Progress, Workers, each
+from dynid.core import Array, DynidError, InputError, JobError, Progress, Workers, each, one_thread
 from dynid.identification import ESTIMATORS, ClosedLoop, IdentificationProblem, estimator_of
 from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model
@@ -157,7 +156,7 @@ def _seed(task: tuple[int, tuple[str, ...]]) -> list[Trial]:
     """The trials of one seed, in any process."""
     seed, estimators = task
     trials: list[Trial] = []
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_thread():
         arm = known_arm(seed)
         for scenario, noise, cutoff in SCENARIOS:
             problem = arm.problem(noise, cutoff, seed)

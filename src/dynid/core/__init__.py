@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from dynid.core.arrays import freeze as freeze
     from dynid.core.arrays import frozen as frozen
     from dynid.core.arrays import inverse_upper as inverse_upper
+    from dynid.core.arrays import one_thread as one_thread
     from dynid.core.arrays import read_arrays as read_arrays
     from dynid.core.arrays import read_only as read_only
     from dynid.core.arrays import scipy_part as scipy_part
@@ -70,8 +71,8 @@ if TYPE_CHECKING:
 
 _LATER = {
     "arrays": (
-        "Array Indices Mask MotionBounds SMALLEST freeze frozen inverse_upper read_arrays "
-        "read_only scipy_part solve_upper upper_triangle write_arrays"
+        "Array Indices Mask MotionBounds SMALLEST freeze frozen inverse_upper one_thread "
+        "read_arrays read_only scipy_part solve_upper upper_triangle write_arrays"
     ),
     "json_fields": "JsonFields load_object parse_json plain provenance_from_json",
     "parallel": "WorkerLost Workers each result_of told_to_stop workers",

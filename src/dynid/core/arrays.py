@@ -1,8 +1,10 @@
 """Read-only arrays with checked shapes, triangular factors, files of arrays; bounds of motions."""
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -88,6 +90,20 @@ def scipy_part(name: str) -> Any:
     Commands that need none of it would start two to three times as slowly.
     """
     return import_module(f"scipy.{name}")
+
+
+@lru_cache(maxsize=1)
+def _blas() -> Any:
+    """What sets the threads of NumPy's BLAS and of SciPy's own; looking for both takes long."""
+    scipy_part("linalg")
+    return import_module("threadpoolctl").ThreadpoolController()
+
+
+@contextmanager
+def one_thread() -> Generator[None]:
+    """Matrices of fifty columns gain nothing from more threads, which only wait for each other."""
+    with _blas().limit(limits=1, user_api="blas"):
+        yield
 
 
 def upper_triangle(matrix: Array) -> Array:

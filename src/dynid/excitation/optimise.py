@@ -17,6 +17,7 @@ from dynid.core import (
     MotionBounds,
     Provenance,
     Workers,
+    one_thread,
     plain,
 )
 from dynid.excitation.evaluation import DesignEvaluation
@@ -31,7 +32,7 @@ from dynid.excitation.problem import (
 )
 from dynid.excitation.purpose import Expected
 from dynid.excitation.region import MotionRegion, region_of
-from dynid.excitation.searches import Effort, elite_count, evolve, multistart, one_thread
+from dynid.excitation.searches import Effort, elite_count, evolve, multistart
 from dynid.trajectory import Trajectory
 
 TIGHTER = (0.05, 0.1)

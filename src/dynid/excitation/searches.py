@@ -11,16 +11,14 @@ one that violates less, of two feasible ones the better criterion.
 
 import threading
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from concurrent.futures import Future
-from contextlib import contextmanager
 from dataclasses import dataclass
 from uuid import uuid4
 
 import numpy as np
-from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core import Array, WorkerLost, Workers, result_of, told_to_stop
+from dynid.core import Array, WorkerLost, Workers, one_thread, result_of, told_to_stop
 from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.gradient import one_start
 from dynid.excitation.problem import Candidate, ExcitationProblem, Search, SearchProgress, Stop
@@ -28,13 +26,6 @@ from dynid.excitation.region import MotionRegion, region_of, shape_basis
 
 GRACE_S = 0.5
 """What workers may take after the deadline to tell what they have [s]."""
-
-
-@contextmanager
-def one_thread() -> Generator[None]:
-    """Matrices of 50 columns gain nothing from more threads, which only wait for each other."""
-    with threadpool_limits(limits=1, user_api="blas"):
-        yield
 
 
 class _Built(threading.local):

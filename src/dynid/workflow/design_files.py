@@ -54,8 +54,10 @@ ROBOT = "robot_sha256"
 def robot_hash(robot: RobotModel) -> str:
     """What a robot is, its collision bodies and limits included; its tool stands by itself."""
     facts = robot_to_json(robot)
-    # Where numbers come from may change; twelve digits survive another machine's rounding.
-    return content_hash({k: facts[k] for k in facts if k not in ("source", "notes", "urdf")}, 12)
+    # Where numbers come from may change, and how a path was written; twelve digits survive another
+    # machine's rounding.
+    told = ("source", "notes", "urdf", "body_notes")
+    return content_hash({k: facts[k] for k in facts if k not in told}, 12)
 
 
 def _digest_of(

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid import identification
 from dynid.core import (
@@ -21,6 +20,7 @@ from dynid.core import (
     Progress,
     each,
     in_one_piece,
+    one_thread,
     silent,
     told,
     workers,
@@ -219,7 +219,7 @@ def _missing(recordings: Sequence[FleetRecording]) -> list[Finding]:
     return found
 
 
-@threadpool_limits.wrap(limits=1, user_api="blas")  # pyright: ignore[reportUnknownMemberType]
+@one_thread()
 def _robot(
     task: tuple[str, Sequence[FleetRecording], FleetSettings, int],
 ) -> tuple[list[identification.JointState], list[dict[str, Any]]]:

@@ -10,7 +10,6 @@ from functools import lru_cache
 from pathlib import Path, PurePath, PurePosixPath
 
 import numpy as np
-from threadpoolctl import ThreadpoolController  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core import (
     Array,
@@ -23,8 +22,8 @@ from dynid.core import (
     file_hash,
     like_named,
     make_folder,
+    one_thread,
     read_arrays,
-    scipy_part,
     write_arrays,
 )
 from dynid.identification import IdentificationProblem, RecordStatistics, record_statistics
@@ -150,7 +149,7 @@ def _contribution(job: tuple[str, str | None, str]) -> _Contribution | str:
             mount = extra.get("mount", "file")
             base = base_of(reference, terms, None if mount == "file" else mount)
             robot = base.model.robot
-        with _threads().limit(limits=1, user_api="blas"):  # pyright: ignore[reportUnknownMemberType]
+        with one_thread():
             samples = process(record, robot, ProcessingSettings(decimate=True))
             problem = IdentificationProblem(base=base, samples=samples)
             statistics = record_statistics(problem)
@@ -170,13 +169,6 @@ def _contribution(job: tuple[str, str | None, str]) -> _Contribution | str:
         temperature_degC=np.full(robot.joints, np.nan) if warm is None else warm.mean(axis=0),
         facts=facts,
     )
-
-
-@lru_cache(maxsize=1)
-def _threads() -> ThreadpoolController:
-    """Looking for the libraries takes as long as reading a recording: once, when all are there."""
-    scipy_part("linalg")
-    return ThreadpoolController()
 
 
 @lru_cache(maxsize=16)

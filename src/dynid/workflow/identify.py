@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid import recording
-from dynid.core import Finding, InputError, Progress, Workers, plain, told
+from dynid.core import Finding, InputError, Progress, Workers, one_thread, plain, told
 from dynid.diagnosis import USELESS_PREDICTION, Verdict, diagnose, judge
 from dynid.export import simulator_obstacle
 from dynid.identification import Estimate
@@ -205,8 +204,7 @@ def identify(
     if not several:
         raise InputError("needs at least one record")
     held = [record for record in several if isinstance(record, recording.ExperimentRecord)]
-    # Matrices of sixty columns: a second BLAS thread spins more than it helps.
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_thread():
         if len(held) < len(several) or sum(record.samples for record in held) > recording.LONG:
             keep = None if partial is None else Path(partial)
             fitted = fit_long(

@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid import identification
-from dynid.core import Array, Finding, InputError, Progress, frozen, told
+from dynid.core import Array, Finding, InputError, Progress, frozen, one_thread, told
 from dynid.recording import ExperimentRecord, RecordLike, identity, open_record, open_several
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel, LoadFriction
@@ -99,7 +98,7 @@ def identify_shared(
         )
     processing = asked_processing(several, settings)
     friction, words = settings.terms or FrictionTerms(), ()
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_thread():
         if settings.preset == "best":
             choice, words = choose(several, robot, settings, processing, progress)
             # Periods are averaged record by record or not at all: here every sample counts.
@@ -172,7 +171,7 @@ def identify_payload(
         joints = tuple(range(model.joints))
         nothing = LoadFriction(joints=joints, parameters=(0.0,) * 10 * model.joints)
         friction = FrictionTerms(width=SMOOTHING_VELOCITY, load=nothing)
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_thread():
         plain = InverseDynamicModel(robot=model, friction=friction)
         problem = _problem(without, carrying, plain, cutoff_hz)
         return identification.payload_of(
@@ -308,7 +307,7 @@ def identify_gains_from_payload(
     known = known_payload(mass, centre, inertia)
     friction = friction or FrictionTerms(width=SMOOTHING_VELOCITY)
     plain = InverseDynamicModel(robot=model, friction=friction)
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_thread():
         problem = _problem(without, carrying, plain, cutoff_hz)
         link = np.asarray(np.linalg.inv(model.parameter_frames[plain.frames][-1]), dtype=np.float64)
         own = model.drives.gain if (model.drives.gain > 0).all() else None

@@ -275,7 +275,10 @@ class ScoreSearch:
         if inertias is not None:
             load = load_size(self.base.model, samples, inertias)
         each = zip(samples.dq.T, load, columns.states(samples), columns.levers, strict=True)
-        own = np.stack([columns.values(*joint) for joint in each], axis=1)
+        # The largest array of an identification: joint by joint into its place.
+        own = np.empty((len(columns.positive), *load.shape))
+        for j, joint in enumerate(each):
+            own[:, j] = columns.values(*joint)
         own = samples.as_recorded(own)
         # The torques come in several versions: only what is added to them is wanted here.
         still = replace(samples, tau=np.zeros(samples.q.shape))
