@@ -15,7 +15,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 export PYTHONDONTWRITEBYTECODE :=
 PATHS := src tests urtwin docs benchmarks examples README.md CHANGELOG.md CONTRIBUTING.md
 
-.PHONY: install develop prepared chromium demo test lint types floors unit parallel realtime bench proof rivals site readme clean
+.PHONY: install develop prepared chromium demo test lint types floors unit parallel half others realtime bench proof rivals site readme clean
 
 install: $(USER)
 
@@ -43,7 +43,7 @@ demo: install
 
 # Tests that watch a clock mostly wait: the types and all other tests run beside them, and give way.
 test: prepared lint floors
-	$(MAKE) --no-print-directory --output-sync -j 3 realtime parallel types
+	$(MAKE) --no-print-directory --output-sync -j 4 realtime half others types
 
 # The packages of Python and of Debian beside each other.
 prepared:
@@ -73,10 +73,18 @@ unit: parallel realtime
 # Gives way to what keeps time. On a machine that computes for others too: make test ASIDE=
 ASIDE ?= nice -n 19
 
-# A file is run by one worker, which makes its fixtures once.
-parallel: develop chromium
-	$(ASIDE) $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder \
-	-m "not realtime and not long"
+# Two processes, each of which collects its own folders alone: workers of pytest-xdist collect all
+# of them each, and a third process leads them. HALF takes half of the CPU time, the others the rest.
+HALF := $(addprefix tests/,diagnosis export identification recording robot workflow)
+
+parallel:
+	$(MAKE) --no-print-directory --output-sync -j 2 half others
+
+half: develop chromium
+	$(ASIDE) $(BIN)/python -m pytest -m "not realtime and not long" $(HALF)
+
+others: develop chromium
+	$(ASIDE) $(BIN)/python -m pytest -m "not realtime and not long" $(HALF:%=--ignore=%)
 
 # Only the files that have such tests are collected.
 realtime: develop chromium
