@@ -15,7 +15,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 export PYTHONDONTWRITEBYTECODE :=
 PATHS := src tests urtwin docs benchmarks examples README.md CHANGELOG.md CONTRIBUTING.md
 
-.PHONY: install develop chromium demo test lint types floors unit parallel realtime bench proof rivals site readme clean
+.PHONY: install develop prepared chromium demo test lint types floors unit parallel half others realtime bench proof rivals site readme clean
 
 install: $(USER)
 
@@ -26,29 +26,35 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 # Numba compiles once a machine: beside the downloads, not in the middle of a demo or a test.
+# Python compiles only what is imported, when it is: 15 s of CPU less for users and developers each.
 $(USER): pyproject.toml urtwin/pyproject.toml | $(BIN)/python
-	$(PIP) -e .
+	$(PIP) --no-compile -e .
 	@$(BIN)/dynid design ur5 -o $(VENV)/first.json --starts 2 --jobs 2 --force >/dev/null 2>&1 & \
-	$(PIP) 'dynid[sim,sdp]' -e ./urtwin && wait
+	$(PIP) --no-compile 'dynid[sim,sdp]' -e ./urtwin && wait
 	@touch $@
 
-# Only what is imported is compiled to bytecode, when it is: 15 s less for a fresh clone.
+# By its name: dynid is there already, and to build it again takes 6 s.
 $(DEV): $(USER)
-	$(PIP) --no-compile -e '.[all,dev]'
+	$(PIP) --no-compile 'dynid[all,dev]'
 	@touch $@
 
 demo: install
 	$(BIN)/dynid demo -o runs/demo --force
 
 # Tests that watch a clock mostly wait: the types and all other tests run beside them, and give way.
-test: lint floors chromium
-	$(MAKE) --no-print-directory --output-sync -j 3 realtime parallel types
+test: prepared lint floors
+	$(MAKE) --no-print-directory --output-sync -j 4 realtime half others types
+
+# The packages of Python and of Debian beside each other.
+prepared:
+	$(MAKE) --no-print-directory --output-sync -j 2 develop chromium
 
 # Reports and the studio are tested in a real browser. Without it, and without the right to install
-# it, those tests are skipped and say so.
+# it, those tests are skipped and say so. What it recommends are 90 packages: printing, Samba, Perl.
 chromium:
 	@command -v chromium >/dev/null || command -v google-chrome >/dev/null || \
-	{ apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq chromium >/dev/null; } || \
+	{ apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq \
+	--no-install-recommends chromium fonts-liberation >/dev/null; } || \
 	echo "no Chromium: the tests in a browser are skipped" >&2
 
 lint: develop
@@ -67,10 +73,18 @@ unit: parallel realtime
 # Gives way to what keeps time. On a machine that computes for others too: make test ASIDE=
 ASIDE ?= nice -n 19
 
-# A file is run by one worker, which makes its fixtures once.
-parallel: develop chromium
-	$(ASIDE) $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder \
-	-m "not realtime and not long"
+# Two processes, each of which collects its own folders alone: workers of pytest-xdist collect all
+# of them each, and a third process leads them. HALF takes half of the CPU time, the others the rest.
+HALF := $(addprefix tests/,diagnosis export identification recording robot workflow)
+
+parallel:
+	$(MAKE) --no-print-directory --output-sync -j 2 half others
+
+half: develop chromium
+	$(ASIDE) $(BIN)/python -m pytest -m "not realtime and not long" $(HALF)
+
+others: develop chromium
+	$(ASIDE) $(BIN)/python -m pytest -m "not realtime and not long" $(HALF:%=--ignore=%)
 
 # Only the files that have such tests are collected.
 realtime: develop chromium

@@ -85,6 +85,7 @@ def test_compare_export_and_report(run: Run, recordings: Recordings, tmp_path: P
     assert set(run(*words).json()) == keys_of("report") - {"figures"}
 
 
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_demo(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     module = importlib.import_module("dynid.workflow.demo")
     # Shorter than the paper's: every step is taken, and friction is still told from inertia.

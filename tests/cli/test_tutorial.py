@@ -77,6 +77,7 @@ def steps() -> list[tuple[str, str]]:
     return [(match[1] or "", match[2] or "") for match in found]
 
 
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_the_tutorial_runs_as_printed(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

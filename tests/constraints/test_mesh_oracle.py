@@ -77,7 +77,9 @@ def test_the_oracle_stands_where_our_robot_stands(name: str) -> None:
 
 
 @needs_meshes
-@pytest.mark.parametrize("name", ["ur5", "ur3e", "ur16e"])
+@pytest.mark.parametrize(
+    "name", ["ur3e", *(pytest.param(name, marks=pytest.mark.long) for name in ("ur5", "ur16e"))]
+)
 def test_no_pose_with_touching_meshes_passes(name: str) -> None:
     oracle, judge = Oracle(name), safe_constraints(load_robot(name))
     rest = np.zeros((1, 6))

@@ -93,9 +93,14 @@ def test_a_real_arm_whose_friction_is_hardly_seen_has_no_spring() -> None:
     ("name", "margin", "acceleration", "rate_hz", "seed"),
     [
         ("so_arm_description/urdf/so100", 0.7, 8.0, 125.0, 0),
-        # All rows show one of another size than fast ones.
-        ("so_arm_description/urdf/so100", 0.7, 8.0, 125.0, 11),
-        ("kinova_description/robots/kinova", 0.5, 5.0, 250.0, 11),
+        *(
+            pytest.param(*case, marks=pytest.mark.long)
+            for case in (
+                # All rows show one of another size than fast ones.
+                ("so_arm_description/urdf/so100", 0.7, 8.0, 125.0, 11),
+                ("kinova_description/robots/kinova", 0.5, 5.0, 250.0, 11),
+            )
+        ),
         # Fast rows alone show a flexibility.
         ("panda_description/urdf/panda", 0.6, 3.0, 500.0, 12),
     ],
@@ -160,7 +165,14 @@ def test_a_payload_that_is_taken_up_on_the_way_is_named(
     assert float(told[1]) == pytest.approx(since, abs=EARLY_OR_LATE_S)
 
 
-@pytest.mark.parametrize(("side", "turns"), [("friction", -0.5), ("torques", 1.0), ("motors", 1.0)])
+@pytest.mark.parametrize(
+    ("side", "turns"),
+    [
+        pytest.param("friction", -0.5, marks=pytest.mark.long),
+        pytest.param("torques", 1.0, marks=pytest.mark.long),
+        ("motors", 1.0),
+    ],
+)
 def test_motors_that_the_robot_file_does_not_couple_are_named(
     tmp_path: Path, side: str, turns: float
 ) -> None:
@@ -212,7 +224,7 @@ def test_a_reversed_torque_is_named(tmp_path: Path, joint: int) -> None:
     assert (found.kind, found.joints, found.severity) == ("reversed", (joint,), "error")
 
 
-@pytest.mark.parametrize("joint", [0, 1, 2])
+@pytest.mark.parametrize("joint", [0, pytest.param(1, marks=pytest.mark.long), 2])
 def test_a_reversed_torque_is_named_beside_an_unknown_payload(tmp_path: Path, joint: int) -> None:
     scales = [1.0, 1.0, 1.0]
     scales[joint] = -1.0
@@ -297,7 +309,7 @@ def test_a_tilted_base_is_measured(tmp_path: Path, degrees: float) -> None:
     assert value == pytest.approx(degrees, abs=max(SIGMAS * std, 0.1))
 
 
-@pytest.mark.parametrize("degrees", [40.0, 130.0])
+@pytest.mark.parametrize("degrees", [40.0, pytest.param(130.0, marks=pytest.mark.long)])
 def test_a_base_far_from_its_mounting_is_measured_and_its_gravity_is_named(
     tmp_path: Path, degrees: float
 ) -> None:
@@ -346,7 +358,7 @@ def test_noise_is_no_offset_of_clocks(tmp_path: Path) -> None:
     assert findings_of(replace(record, signals=noisy), arm(tmp_path)) == ()
 
 
-@pytest.mark.parametrize("late", [2, 5])
+@pytest.mark.parametrize("late", [2, pytest.param(5, marks=pytest.mark.long)])
 def test_a_common_delay_is_measured(tmp_path: Path, late: int) -> None:
     found = faults(tmp_path, Wrong(late=late, seconds=40.0))[0]
     assert (found.kind, found.joints) == ("delay", ())
@@ -377,7 +389,7 @@ def test_exchanged_joints_are_named(tmp_path: Path) -> None:
     assert (found.kind, found.joints) == ("exchanged", (1, 2))
 
 
-@pytest.mark.parametrize("share", [0.4, -0.4])
+@pytest.mark.parametrize("share", [0.4, pytest.param(-0.4, marks=pytest.mark.long)])
 def test_friction_that_drifts_is_told_with_its_sign(tmp_path: Path, share: float) -> None:
     found = faults(tmp_path, Wrong(warming=share, seconds=40.0))[0]
     assert found.kind == "friction_drift"
@@ -386,7 +398,8 @@ def test_friction_that_drifts_is_told_with_its_sign(tmp_path: Path, share: float
 
 
 @pytest.mark.parametrize(
-    ("stop", "carried"), [(6.4, 0.0), pytest.param(7.0, 0.0, marks=pytest.mark.long), (6.4, 2.0)]
+    ("stop", "carried"),
+    [(6.4, 0.0), *(pytest.param(*few, marks=pytest.mark.long) for few in ((7.0, 0.0), (6.4, 2.0)))],
 )
 def test_a_push_is_found_where_it_was(tmp_path: Path, stop: float, carried: float) -> None:
     """Also of an arm that carries what the robot file does not know."""
@@ -431,7 +444,14 @@ def test_torques_are_as_unsure_as_parameters_leave_them(tmp_path: Path) -> None:
     assert 0.7 < np.sqrt(np.square(ratios).mean()) < 1.2
 
 
-@pytest.mark.parametrize(("scale", "carried"), [(1.0, 2.0), (0.03, 2.0), (1.0, 4.0)])
+@pytest.mark.parametrize(
+    ("scale", "carried"),
+    [
+        (0.03, 2.0),
+        pytest.param(1.0, 2.0, marks=pytest.mark.long),
+        pytest.param(1.0, 4.0, marks=pytest.mark.long),
+    ],
+)
 def test_an_unknown_payload_is_weighed(tmp_path: Path, scale: float, carried: float) -> None:
     """As well on an arm of 0.4 kg as on one of 13 kg; a large one is not taken for less."""
     robot, record = arm(tmp_path), recording(Wrong(carried=carried))

@@ -23,59 +23,47 @@ MOST_LEFT = 4.5
 CLEAN = (
     Case(arm="sliding", motion="fourier", rate_hz=125.0, duration_s=10.0, seed=1),
     Case(arm="ur3", motion="waypoints", rate_hz=125.0, duration_s=10.0, seed=2),
-    # Joints of a taught motion rest, and their friction holds more or less: nobody pushed.
-    Case(arm="ur3", motion="teach", rate_hz=250.0, duration_s=15.0, seed=965532469),
     Case(arm="seven", motion="teach", rate_hz=1000.0, duration_s=15.0, seed=961818018),
-    # A share of their friction is not known, though two joints show as little at once.
-    Case(arm="ur10e", motion="teach", rate_hz=1000.0, duration_s=15.0, seed=853771561),
     # The clocks seem 60 ms apart, and 48 ms of that a delay the other way.
     Case(arm="ur5", motion="teach", rate_hz=125.0, duration_s=10.0, seed=775454470),
     # All rows show a coupled motor clearly, fast ones do not.
     Case(arm="seven", motion="teach", rate_hz=500.0, duration_s=15.0, seed=463829848),
+)
+SLOW_CLEAN = (
+    # Joints of a taught motion rest, and their friction holds more or less: nobody pushed.
+    Case(arm="ur3", motion="teach", rate_hz=250.0, duration_s=15.0, seed=965532469),
+    # A share of their friction is not known, though two joints show as little at once.
+    Case(arm="ur10e", motion="teach", rate_hz=1000.0, duration_s=15.0, seed=853771561),
     # All rows show a wrist that is a quarter turn off, fast ones do not.
     Case(arm="ur5", motion="teach", rate_hz=125.0, duration_s=10.0, seed=861373046),
 )
 PLANTED = (
     ("sliding", "teach", 125.0, 10.0, 514993393, "clock", "large"),
     ("sliding", "fourier", 1000.0, 15.0, 767711293, "contact", "medium"),
-    # Of its ten sizes the centre is sure, the mass is not.
-    ("heavy", "fourier", 125.0, 20.0, 957102595, "payload", "large"),
     # The information is in few stretches: fits without one of them still agree on it.
     ("ur10e", "teach", 250.0, 15.0, 954789563, "gain", "medium"),
     # What a joint leaves swings with its fault, which must not hide it.
     ("ur5", "teach", 125.0, 20.0, 503451217, "spring", "large"),
     # As likely as a delay of all joints: the second of the two names.
     ("heavy", "teach", 500.0, 15.0, 212820168, "joint_delay", "large"),
-    # Friction that drives.
-    ("ur5", "teach", 100.0, 20.0, 761903882, "reversed", "large"),
     # Accelerations from noisy positions beside torques without any.
     ("seven", "waypoints", 125.0, 20.0, 413048803, "commanded", "large"),
     # The four joints that a plain model explains must not hide two without any error.
     ("ur3", "fourier", 125.0, 20.0, 948220267, "commanded", "large"),
     # What is left of friction is half of the wrists' torque.
     ("ur5", "fourier", 125.0, 10.0, 665513205, "friction_compensated", "large"),
-    # It is not left of friction at rest: no pushes against joints that stand.
-    ("ur10e", "teach", 100.0, 30.0, 0, "friction_compensated", "large"),
     # Not all torques are larger: those of a body near the flange are.
     ("sliding", "fourier", 250.0, 15.0, 1032575860, "payload", "medium"),
-    # Where the motion dwells, a large wave spreads over all orders.
-    ("ur5", "fourier", 125.0, 20.0, 1041449482, "ripple", "large"),
     # The model has taken a part of it where the motion dwells.
     ("ur3", "waypoints", 250.0, 15.0, 509501052, "ripple", "large"),
     # Two thirds of all torques: no payload, which would leave the last link a negative mass.
     ("sliding", "fourier", 125.0, 20.0, 911654613, "gains", "large"),
-    # Light wrists: little is left in their wrong order, but by links that are not this arm's.
-    ("ur3", "fourier", 125.0, 20.0, 4, "exchanged", "large"),
     # In their wrong order the wrists leave a ninth of their torque.
     ("ur5", "waypoints", 125.0, 20.0, 360084776, "exchanged", "large"),
-    # Friction near reversals hides it: fast rows show it clearly, all rows lean to it.
-    ("ur3", "teach", 100.0, 20.0, 463936486, "delay", "medium"),
     # A payload, of more sizes, leaves as little.
     ("ur5", "fourier", 250.0, 15.0, 314265696, "quarter_turn", "large"),
     # Friction that builds up over a tenth of the usual distance hides it.
     ("ur3", "teach", 250.0, 15.0, 1000052415, "tilt", "medium"),
-    # A body of usual size, not all torques larger.
-    ("ur10e", "waypoints", 500.0, 15.0, 749940876, "payload", "large"),
     # Surely and evidently in both fits, though blocks left out are not predicted better.
     ("ur10e", "teach", 125.0, 30.0, 67384537, "payload", "medium"),
 )
@@ -87,6 +75,20 @@ SLOW = (
     ("ur3", "waypoints", 125.0, 120.0, 450961392, "saturated", "large"),
     ("ur5", "fourier", 1000.0, 15.0, 523289140, "gain", "large"),
     ("ur5", "fourier", 125.0, 20.0, 317888587, "payload", "medium"),
+    # Of its ten sizes the centre is sure, the mass is not.
+    ("heavy", "fourier", 125.0, 20.0, 957102595, "payload", "large"),
+    # Friction that drives.
+    ("ur5", "teach", 100.0, 20.0, 761903882, "reversed", "large"),
+    # It is not left of friction at rest: no pushes against joints that stand.
+    ("ur10e", "teach", 100.0, 30.0, 0, "friction_compensated", "large"),
+    # Where the motion dwells, a large wave spreads over all orders.
+    ("ur5", "fourier", 125.0, 20.0, 1041449482, "ripple", "large"),
+    # Light wrists: little is left in their wrong order, but by links that are not this arm's.
+    ("ur3", "fourier", 125.0, 20.0, 4, "exchanged", "large"),
+    # Friction near reversals hides it: fast rows show it clearly, all rows lean to it.
+    ("ur3", "teach", 100.0, 20.0, 463936486, "delay", "medium"),
+    # A body of usual size, not all torques larger.
+    ("ur10e", "waypoints", 500.0, 15.0, 749940876, "payload", "large"),
 )
 
 
@@ -106,15 +108,33 @@ def as_recording(made: Recorded, block: int) -> Recording:
     return Recording(robot=made.robot, block=block, **parts)
 
 
-@pytest.mark.parametrize("case", CLEAN, ids=lambda case: f"{case.arm}-{case.motion}")
+@pytest.mark.parametrize(
+    "case",
+    [*CLEAN, *(pytest.param(case, marks=pytest.mark.long) for case in SLOW_CLEAN)],
+    ids=lambda case: f"{case.arm}-{case.motion}",
+)
 def test_clean_recordings_raise_nothing(case: Case) -> None:
     (row,) = run_verdicts(judge, [case])
     assert row.kinds == ()
     assert row.error_percent < 1e-6
 
 
-@pytest.mark.parametrize("scale", [1.0, 0.15, 0.0])
-@pytest.mark.parametrize(("name", "motion"), [("ur5", "fourier"), ("ur3", "teach")])
+@pytest.mark.parametrize(
+    ("name", "motion", "scale"),
+    [
+        ("ur5", "fourier", 1.0),
+        ("ur3", "teach", 0.0),
+        *(
+            pytest.param(name, motion, scale, marks=pytest.mark.long)
+            for name, motion, scale in (
+                ("ur5", "fourier", 0.15),
+                ("ur5", "fourier", 0.0),
+                ("ur3", "teach", 1.0),
+                ("ur3", "teach", 0.15),
+            )
+        ),
+    ],
+)
 def test_an_arm_with_little_friction_is_not_one_whose_friction_was_compensated(
     monkeypatch: pytest.MonkeyPatch, name: str, motion: str, scale: float
 ) -> None:
@@ -195,7 +215,7 @@ def test_light_links_of_an_unpublished_arm_are_fitted_as_well_as_heavy_ones() ->
     np.testing.assert_allclose(left[1], left[0], rtol=0.3)
 
 
-@pytest.mark.parametrize("fault", [None, "joint_delay"])
+@pytest.mark.parametrize("fault", [pytest.param(None, marks=pytest.mark.long), "joint_delay"])
 def test_friction_builds_up_over_the_distance_that_it_did(fault: str | None) -> None:
     """A torque that is late looks like a longer distance; what is left out counts for none."""
     case = Case(

@@ -33,7 +33,7 @@ def test_a_gain_shows_as_gravity_and_inertia(estimate: Estimate) -> None:
     assert set(json.loads(json.dumps(result.to_json()))["transfer"]) >= set(CAUSES)
 
 
-@pytest.mark.parametrize("known", [0, 2])
+@pytest.mark.parametrize("known", [0, pytest.param(2, marks=pytest.mark.long)])
 def test_guessed_links_that_are_far_off_cost_nothing(tmp_path: Path, known: int) -> None:
     """Delays of 22 and 48 ms compensated for them; another part was predicted ten times worse."""
     robot = arm(tmp_path)

@@ -63,6 +63,7 @@ def test_an_e_series_robot_runs_at_its_own_rate(tmp_path: Path) -> None:
     np.testing.assert_array_equal(record.channels["index"], np.arange(1000))
 
 
+@pytest.mark.long
 def test_the_controllers_arm_moves_as_the_one_in_this_process(tmp_path: Path) -> None:
     design, path = write_gentle(tmp_path / "design.json"), tmp_path / "run.parquet"
     with controller_process("ur5", host=own_address(), virtual_time=True) as running:

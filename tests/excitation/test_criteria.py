@@ -88,7 +88,7 @@ def test_cond_is_that_of_the_observation_matrix(robot: str) -> None:
     assert parse_criterion("cond").value(gram) == pytest.approx(truth, rel=SAME_CONDITION)
 
 
-@pytest.mark.parametrize("joints", [3, 4, 6])
+@pytest.mark.parametrize("joints", [3, 4, pytest.param(6, marks=pytest.mark.long)])
 def test_the_gradient_by_the_coefficients_equals_central_differences(joints: int) -> None:
     base = reduced(chain(61 + joints, joints, wall=joints == 4, coupled=joints == 6))
     kernel = GramKernel(base.model, base, noise=np.linspace(0.5, 2.0, joints))

@@ -65,8 +65,8 @@ ESTIMATES = ("fs", "sliding, load", "coupled motors, load, ripple")
 
 
 def recorded(joints: int) -> States:
-    """4 s at 125 Hz with a rest and many reversals; the positions with the noise of an encoder."""
-    t = np.arange(500)[:, None] / 125.0
+    """2.4 s at 125 Hz with a rest and reversals; the positions with the noise of an encoder."""
+    t = np.arange(300)[:, None] / 125.0
     turn, phase = np.linspace(2.0, 5.0, joints), np.arange(joints)
     moving = np.where((t > 1.5) & (t < 2.0), 0.0, 1.0)
     q = 0.2 * np.sin(turn * np.where(moving > 0, t, 1.5) + phase)
@@ -81,7 +81,7 @@ def predicted(estimate: Estimate, motion: States) -> tuple[Array, Array]:
     return estimate.predict(*motion), estimate.predict(*motion, state)
 
 
-@pytest.mark.parametrize("name", ESTIMATES)
+@pytest.mark.parametrize("name", [pytest.param("fs", marks=pytest.mark.long), *ESTIMATES[1:]])
 def test_python_stepped_along_a_motion_is_the_estimate(name: str, tmp_path: Path) -> None:
     estimate = estimate_called(name)
     motion = recorded(estimate.model.robot.joints)

@@ -203,7 +203,9 @@ def fit(
 
 
 @check("estimator")
-def estimator_fits(row: str, fit: Callable[[str], dynid.Identification]) -> None:
+def estimator_fits(
+    row: str, fit: Callable[[str], dynid.Identification], undiagnosed_once: None
+) -> None:
     result = fit(row)
     assert result.estimate.estimator == row
     # All rows are judged, also the ends that an estimation leaves out: 6.35 % of irls is the most.

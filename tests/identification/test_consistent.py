@@ -90,7 +90,9 @@ def triangles(free: np.ndarray) -> np.ndarray:
     return np.array(rows)
 
 
-@pytest.mark.parametrize(("seed", "gamma"), [(0, 0.1), (1, 1.0)])
+@pytest.mark.parametrize(
+    ("seed", "gamma"), [pytest.param(0, 0.1, marks=pytest.mark.long), (1, 1.0)]
+)
 def test_conic_and_unconstrained_solvers_agree(seed: int, gamma: float) -> None:
     problem = small_problem(seed)
 

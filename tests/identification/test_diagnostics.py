@@ -17,6 +17,8 @@ from dynid.signals import ProcessingSettings, process
 from dynid.workflow import Identification, IdentifySettings, verdict
 from dynid.workflow.identify import fit_records
 
+pytestmark = pytest.mark.usefixtures("undiagnosed")
+
 
 def codes(result: Identification) -> set[str]:
     return {notice.code for notice in result.warnings}
@@ -117,6 +119,7 @@ def test_an_arm_that_stands_still_is_refused() -> None:
         identify([motionless], ur5())
 
 
+@pytest.mark.long
 def test_a_joint_that_stands_still_takes_nothing_from_the_others() -> None:
     record = recording(3, seconds=20.0, period=20.0)
     q = record.signals["q"].copy()

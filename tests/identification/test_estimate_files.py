@@ -9,6 +9,8 @@ from dynid.core import InputError
 from dynid.identification import Estimate, read_estimate, write_estimate
 from dynid.validation import validate
 
+pytestmark = pytest.mark.usefixtures("undiagnosed")
+
 
 @pytest.fixture(scope="module")
 def estimate() -> Estimate:

@@ -131,5 +131,6 @@ def test_it_survives_the_file(found: Identification, tmp_path: Path) -> None:
     np.testing.assert_array_equal(back.predict(q, dq, ddq), found.estimate.predict(q, dq, ddq))
 
 
+@pytest.mark.long
 def test_a_robot_without_it_gets_none() -> None:
     assert identified().estimate.model.friction.load is None

@@ -52,7 +52,10 @@ def body(mass: float, centre: tuple[float, ...]) -> tuple[float, Array, Array]:
     return mass, np.array(centre), cylinder(mass, 0.04, 0.1, 2)
 
 
-@pytest.mark.parametrize(("mass", "centre"), CASES)
+@pytest.mark.parametrize(
+    ("mass", "centre"),
+    [CASES[0], *(pytest.param(*case, marks=pytest.mark.long) for case in CASES[1:])],
+)
 def test_payload_of_the_simulated_arm(mass: float, centre: tuple[float, ...]) -> None:
     truth = body(mass, centre)
     seed = round(10 * mass)

@@ -117,6 +117,7 @@ def test_an_arm_without_it_is_given_none() -> None:
     assert identified().estimate.model.friction.presliding == ()
 
 
+@pytest.mark.long
 def test_terms_that_leave_it_out_are_given_no_delays_instead() -> None:
     settings = IdentifySettings(terms=FrictionTerms(terms=(("fc", None), ("fv", None))))
     estimate = identify(presliding(0), ur5(), settings).estimate

@@ -193,7 +193,7 @@ def test_delays_have_deviations() -> None:
         # Beside a displacement that lies between those that are tried.
         pytest.param("ur10e", 2006, 125.0, 30.0, 5, 0.0247, True, marks=pytest.mark.long),
         # Told by a displacement that is looked for anew at each delay.
-        ("ur5", 2035, 125.0, 30.0, 1, 0.045, True),
+        pytest.param("ur5", 2035, 125.0, 30.0, 1, 0.045, True, marks=pytest.mark.long),
         # Not by the friction that the first repetition starts with; with Stribeck friction.
         ("ur10e", 5006, 125.0, 30.0, 5, 0.0158, True),
     ],

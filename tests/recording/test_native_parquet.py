@@ -84,7 +84,7 @@ def assert_same(a: ExperimentRecord, b: ExperimentRecord) -> None:
         np.testing.assert_array_equal(b.channels[name], value)
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.too_slow])
 @given(record=records())
 def test_round_trip_is_exact(record: ExperimentRecord, tmp_path_factory) -> None:
     path = tmp_path_factory.getbasetemp() / "round_trip.parquet"

@@ -81,7 +81,12 @@ def test_empty_headers_and_a_folder(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("samples", "least", "compression"),
-    [(8000, 1000, None), (8000, 1000, "BZ2"), (1500, 700, None), (1500, 700, "LZ4")],
+    [
+        (8000, 1000, None),
+        pytest.param(8000, 1000, "BZ2", marks=pytest.mark.long),
+        (1500, 700, None),
+        (1500, 700, "LZ4"),
+    ],
 )
 def test_a_bag_that_was_cut_off(
     tmp_path: Path, samples: int, least: int, compression: str | None

@@ -115,6 +115,7 @@ def test_layout_and_ownership_of_the_inputs_do_not_matter() -> None:
     assert len(inertial_kernel.inertial_rows.signatures) == compiled
 
 
+@pytest.mark.long
 def test_the_kernel_writes_into_views() -> None:
     robot = random_chain(seed=12, joints=2)
     constants = chain_constants(robot, "dh")

@@ -36,7 +36,7 @@ def fresh_rows(robot: RobotModel, parameters: Array, width: float) -> Array:
 
 
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, -9.80665), (9.80665, 0.0, 0.0)])
-@pytest.mark.parametrize("width", [1e-3, 5e-2])
+@pytest.mark.parametrize("width", [1e-3, pytest.param(5e-2, marks=pytest.mark.long)])
 def test_without_noise(gravity: tuple[float, float, float], width: float) -> None:
     robot = build_ur5(gravity)
     true = simulated_arm(robot).truth.standard_parameters

@@ -30,6 +30,7 @@ def test_steps_are_exact_however_long(power: float, start: float, seconds: float
     assert min(start, settled) - 1e-9 <= whole[0] <= max(start, settled) + 1e-9
 
 
+@pytest.mark.long
 def test_half_an_hour_of_hard_motion_warms_the_ur5(
     arm: SimulatedArm, motion: FourierSeries
 ) -> None:

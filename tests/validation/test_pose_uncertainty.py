@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import dynid
 from dynid.bench import arm, plant
@@ -14,6 +15,7 @@ HELD = 0.85
 """Of 90 % intervals, 300 poses: three standard deviations below."""
 
 
+@pytest.mark.usefixtures("undiagnosed_once")
 def test_intervals_grow_where_the_recording_has_not_been_and_hold_there() -> None:
     told, draw = arm("ur5"), np.random.default_rng(0)
     real = plant(told, 4)

@@ -158,7 +158,14 @@ def test_an_edited_design_is_certified_anew(made: tuple[Path, str], tmp_path: Pa
     assert json.loads(path.read_text())["design"]["margins"] == before["margins"]
 
 
-@pytest.mark.parametrize("name", ["the scene removed", "a shape made smaller", "the floor lowered"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "the scene removed",
+        "a shape made smaller",
+        pytest.param("the floor lowered", marks=pytest.mark.long),
+    ],
+)
 def test_a_scene_that_was_edited_must_be_given_again(
     made: tuple[Path, str], untouched: str, name: str, tmp_path: Path
 ) -> None:

@@ -202,7 +202,12 @@ def _fit(problem: dynid.IdentificationProblem, **changed: Any) -> dynid.Fit:
             "paper",
         ),
         (Own(lambda p: _fit(p, noise=np.full(6, np.nan))), "Own.fit: noise is not finite", "paper"),
-        (Own(lambda p: _fit(p, noise=np.full(6, np.nan))), "Own.fit: noise is not finite", "best"),
+        pytest.param(
+            Own(lambda p: _fit(p, noise=np.full(6, np.nan))),
+            "Own.fit: noise is not finite",
+            "best",
+            marks=pytest.mark.long,
+        ),
     ],
 )
 def test_an_estimator_of_ones_own_is_told_what_is_wrong(

@@ -65,7 +65,8 @@ def test_wrong_gains(good: tuple[Record, Record], factor: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("joint", "factor"), [(1, 1.25), pytest.param(2, 0.8, marks=pytest.mark.long), (3, -1.0)]
+    ("joint", "factor"),
+    [(1, 1.25), *(pytest.param(*few, marks=pytest.mark.long) for few in ((2, 0.8), (3, -1.0)))],
 )
 def test_one_wrong_gain(good: tuple[Record, Record], joint: int, factor: float) -> None:
     def scaled(record: Record) -> Record:
@@ -85,6 +86,7 @@ def test_a_base_that_leans_a_little() -> None:
     assert "mounting" in codes
 
 
+@pytest.mark.long
 def test_wrong_mounting() -> None:
     # Slopes are measured in tests/diagnosis.
     robot = with_mount(ROBOT, "wall")

@@ -62,7 +62,9 @@ def test_what_no_time_would_reach_is_said(first: Path, tmp_path: Path) -> None:
         found.raise_if_missed()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long)]
+)
 def test_between_the_runs_a_signal_ends_the_rounds_at_once(
     first: Path, tmp_path: Path, number: int
 ) -> None:

@@ -244,13 +244,13 @@ def test_a_cleared_variable_leaves_nothing_to_the_next(send: Sender) -> None:
 
 
 def test_dear_statements_take_as_many_cycles_as_they_need(send: Sender) -> None:
-    for _ in range(100):
+    for _ in range(25):
         send.machine.core.interpreter.receive(
             "can = get_inverse_kin_has_solution(p[3, 3, 3, 0, 0, 0])", send.replies.append
         )
     ticks(send.machine, 2.0)
     assert send.machine.program_running, said(send.machine)
-    assert send("statelastexecuted") == "state: 100: statelastexecuted"
+    assert send("statelastexecuted") == "state: 25: statelastexecuted"
 
 
 def test_how_many_statements_share_a_cycle_does_not_depend_on_the_processor(
