@@ -15,7 +15,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 export PYTHONDONTWRITEBYTECODE :=
 PATHS := src tests urtwin docs benchmarks examples README.md CHANGELOG.md CONTRIBUTING.md
 
-.PHONY: install develop prepared chromium demo test lint types floors unit parallel half others realtime bench proof rivals site readme clean
+.PHONY: install develop prepared chromium demo test lint types floors unit parallel share-1 share-2 share-3 realtime bench proof rivals site readme clean
 
 install: $(USER)
 
@@ -43,7 +43,7 @@ demo: install
 
 # Tests that watch a clock mostly wait: the types and all other tests run beside them, and give way.
 test: prepared lint floors
-	$(MAKE) --no-print-directory --output-sync -j 4 realtime half others types
+	$(MAKE) --no-print-directory --output-sync -j 5 realtime $(SHARES) types
 
 # The packages of Python and of Debian beside each other.
 prepared:
@@ -73,18 +73,22 @@ unit: parallel realtime
 # Gives way to what keeps time. On a machine that computes for others too: make test ASIDE=
 ASIDE ?= nice -n 19
 
-# Two processes, each of which collects its own folders alone: workers of pytest-xdist collect all
-# of them each, and a third process leads them. HALF takes half of the CPU time, the others the rest.
-HALF := $(addprefix tests/,diagnosis export identification recording robot workflow)
+# Three processes, each of which collects its own folders alone, for two processors: the second
+# waits for servers and browsers. Workers of pytest-xdist would collect all folders each. Each share
+# takes a third of the CPU time.
+share-1 := $(addprefix tests/,identification recording robot workflow)
+share-2 := $(addprefix tests/,cli drivers studio) urtwin/tests
+SHARES := share-1 share-2 share-3
 
 parallel:
-	$(MAKE) --no-print-directory --output-sync -j 2 half others
+	$(MAKE) --no-print-directory --output-sync -j 3 $(SHARES)
 
-half: develop chromium
-	$(ASIDE) $(BIN)/python -m pytest -m "not realtime and not long" $(HALF)
+share-1 share-2: develop chromium
+	$(ASIDE) $(BIN)/python -m pytest -m "not realtime and not long" $($@)
 
-others: develop chromium
-	$(ASIDE) $(BIN)/python -m pytest -m "not realtime and not long" $(HALF:%=--ignore=%)
+share-3: develop chromium
+	$(ASIDE) $(BIN)/python -m pytest -m "not realtime and not long" tests \
+	$(addprefix --ignore=,$(share-1) $(share-2))
 
 # Only the files that have such tests are collected.
 realtime: develop chromium
