@@ -11,7 +11,7 @@ from itertools import combinations, product
 import numpy as np
 
 from dynid.core import Array
-from dynid.diagnosis.residual import Fits, Recording, Reference
+from dynid.diagnosis.residual import SHAPES, Fits, Recording, Reference
 
 POOR = 0.1
 """Share of a joint's torque that the reference may leave before these are tried."""
@@ -106,13 +106,21 @@ def doubtful(ref: Reference, values: Array) -> bool:
 
 
 def friction_power(ref: Reference, values: Array) -> Array:
-    """(n) power that friction takes, over that of all torques of the joint."""
+    """(n) power that dry friction takes, over that of all torques, the way that it takes least.
+
+    No friction drives a joint one way, to brake it the more the other way: that is gravity.
+    """
     n = ref.recording.robot.joints
-    rest = values[10 * n :].copy()
-    rest[n : 2 * n] = 0.0  # motor inertia
+    friction = values[10 * n : ref.shapes.stop].copy()
+    growing = (ref.shapes.stop - ref.shapes.start) // SHAPES
+    friction[: ref.shapes.start - 10 * n] = 0.0  # viscous, and motor inertia
+    friction[len(friction) - growing :] = 0.0
     dq = ref.recording.average(ref.recording.dq.T)
-    friction = np.tensordot(rest, ref.columns[10 * n :], axes=1) * dq
-    return friction.mean(axis=1) / np.maximum(np.abs(ref.torque * dq).mean(axis=1), 1e-300)
+    ways = np.array([np.maximum(dq, 0.0), np.minimum(dq, 0.0)])
+    torque = np.tensordot(friction, ref.columns[10 * n : ref.shapes.stop], axes=1)
+    taken, every = (torque * ways).sum(axis=2), np.abs(ref.torque * ways).sum(axis=2)
+    shares: Array = taken / np.maximum(every, 1e-300)
+    return shares.min(axis=0)
 
 
 def _rivals(rec: Recording, paired: list[int]) -> Iterator[WholeSignal]:
