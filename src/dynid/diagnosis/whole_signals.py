@@ -106,21 +106,23 @@ def doubtful(ref: Reference, values: Array) -> bool:
 
 
 def friction_power(ref: Reference, values: Array) -> Array:
-    """(n) power that dry friction takes, over that of all torques, the way that it takes least.
+    """(n) power that friction takes, all of it or dry alone, over that of all torques.
 
-    No friction drives a joint one way, to brake it the more the other way: that is gravity.
+    Of the way that it takes least: no friction drives a joint one way, to brake it the more the
+    other way; that is gravity.
     """
     n = ref.recording.robot.joints
-    friction = values[10 * n : ref.shapes.stop].copy()
+    every = values[10 * n : ref.shapes.stop].copy()
+    every[n : 2 * n] = 0.0  # motor inertia
+    dry = every.copy()
     growing = (ref.shapes.stop - ref.shapes.start) // SHAPES
-    friction[: ref.shapes.start - 10 * n] = 0.0  # viscous, and motor inertia
-    friction[len(friction) - growing :] = 0.0
+    dry[: ref.shapes.start - 10 * n] = dry[len(dry) - growing :] = 0.0
     dq = ref.recording.average(ref.recording.dq.T)
     ways = np.array([np.maximum(dq, 0.0), np.minimum(dq, 0.0)])
-    torque = np.tensordot(friction, ref.columns[10 * n : ref.shapes.stop], axes=1)
-    taken, every = (torque * ways).sum(axis=2), np.abs(ref.torque * ways).sum(axis=2)
-    shares: Array = taken / np.maximum(every, 1e-300)
-    return shares.min(axis=0)
+    friction = np.tensordot([every, dry], ref.columns[10 * n : ref.shapes.stop], axes=1)
+    taken = (friction[:, None] * ways).sum(axis=3)
+    shares: Array = taken / np.maximum(np.abs(ref.torque * ways).sum(axis=2), 1e-300)
+    return shares.min(axis=(0, 1))
 
 
 def _rivals(rec: Recording, paired: list[int]) -> Iterator[WholeSignal]:
