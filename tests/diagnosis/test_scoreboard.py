@@ -64,8 +64,8 @@ PLANTED = (
     ("ur5", "fourier", 250.0, 15.0, 314265696, "quarter_turn", "large"),
     # Friction that builds up over a tenth of the usual distance hides it.
     ("ur3", "teach", 250.0, 15.0, 1000052415, "tilt", "medium"),
-    # Its slide's friction would drive it down and brake it the more on its way up.
-    ("sliding", "waypoints", 1000.0, 15.0, 671330960, "gravity_compensated", "large"),
+    # Dry friction would drive its slide one way, though all of it brakes both.
+    ("sliding", "waypoints", 100.0, 30.0, 723269726, "gravity_compensated", "large"),
     # Surely and evidently in both fits, though blocks left out are not predicted better.
     ("ur10e", "teach", 125.0, 30.0, 67384537, "payload", "medium"),
 )
