@@ -15,7 +15,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 export PYTHONDONTWRITEBYTECODE :=
 PATHS := src tests urtwin docs benchmarks examples README.md CHANGELOG.md CONTRIBUTING.md
 
-.PHONY: install develop prepared chromium demo test lint types floors unit parallel share-1 share-2 share-3 realtime bench proof rivals site readme clean
+.PHONY: install develop prepared chromium demo test lint types floors share-1 share-2 share-3 realtime bench proof rivals site readme clean
 
 install: $(USER)
 
@@ -68,8 +68,6 @@ types: develop
 floors: develop
 	$(BIN)/lint-imports
 
-unit: parallel realtime
-
 # Gives way to what keeps time. On a machine that computes for others too: make test ASIDE=
 ASIDE ?= nice -n 19
 
@@ -79,9 +77,6 @@ ASIDE ?= nice -n 19
 share-1 := $(addprefix tests/,identification recording robot workflow)
 share-2 := $(addprefix tests/,cli drivers studio) urtwin/tests
 SHARES := share-1 share-2 share-3
-
-parallel:
-	$(MAKE) --no-print-directory --output-sync -j 3 $(SHARES)
 
 share-1 share-2: develop chromium
 	$(ASIDE) $(BIN)/python -m pytest -m "not realtime and not long" $($@)
