@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import Annotated
 
 import typer
@@ -53,9 +54,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(words: list[str]) -> int:
-    outcome = typer.main.get_command(build())(words, prog_name="dynid", standalone_mode=False)
+    outcome = _command()(words, prog_name="dynid", standalone_mode=False)
     sys.stdout.flush()
     return outcome if isinstance(outcome, int) else 0
+
+
+@cache
+def _command() -> Callable[..., object]:
+    return typer.main.get_command(build())
 
 
 def build() -> typer.Typer:
