@@ -99,10 +99,10 @@ def test_a_real_arm_whose_friction_is_hardly_seen_has_no_spring() -> None:
                 # All rows show one of another size than fast ones.
                 ("so_arm_description/urdf/so100", 0.7, 8.0, 125.0, 11),
                 ("kinova_description/robots/kinova", 0.5, 5.0, 250.0, 11),
+                # Fast rows alone show a flexibility.
+                ("panda_description/urdf/panda", 0.6, 3.0, 500.0, 12),
             )
         ),
-        # Fast rows alone show a flexibility.
-        ("panda_description/urdf/panda", 0.6, 3.0, 500.0, 12),
     ],
 )
 def test_friction_near_reversals_is_no_fault(

@@ -26,10 +26,10 @@ CLEAN = (
     Case(arm="seven", motion="teach", rate_hz=1000.0, duration_s=15.0, seed=961818018),
     # The clocks seem 60 ms apart, and 48 ms of that a delay the other way.
     Case(arm="ur5", motion="teach", rate_hz=125.0, duration_s=10.0, seed=775454470),
-    # All rows show a coupled motor clearly, fast ones do not.
-    Case(arm="seven", motion="teach", rate_hz=500.0, duration_s=15.0, seed=463829848),
 )
 SLOW_CLEAN = (
+    # All rows show a coupled motor clearly, fast ones do not.
+    Case(arm="seven", motion="teach", rate_hz=500.0, duration_s=15.0, seed=463829848),
     # Joints of a taught motion rest, and their friction holds more or less: nobody pushed.
     Case(arm="ur3", motion="teach", rate_hz=250.0, duration_s=15.0, seed=965532469),
     # A share of their friction is not known, though two joints show as little at once.
@@ -40,8 +40,6 @@ SLOW_CLEAN = (
 PLANTED = (
     ("sliding", "teach", 125.0, 10.0, 514993393, "clock", "large"),
     ("sliding", "fourier", 1000.0, 15.0, 767711293, "contact", "medium"),
-    # The information is in few stretches: fits without one of them still agree on it.
-    ("ur10e", "teach", 250.0, 15.0, 954789563, "gain", "medium"),
     # What a joint leaves swings with its fault, which must not hide it.
     ("ur5", "teach", 125.0, 20.0, 503451217, "spring", "large"),
     # As likely as a delay of all joints: the second of the two names.
@@ -60,16 +58,18 @@ PLANTED = (
     ("sliding", "fourier", 125.0, 20.0, 911654613, "gains", "large"),
     # In their wrong order the wrists leave a ninth of their torque.
     ("ur5", "waypoints", 125.0, 20.0, 360084776, "exchanged", "large"),
-    # A payload, of more sizes, leaves as little.
-    ("ur5", "fourier", 250.0, 15.0, 314265696, "quarter_turn", "large"),
-    # Friction that builds up over a tenth of the usual distance hides it.
-    ("ur3", "teach", 250.0, 15.0, 1000052415, "tilt", "medium"),
     # Dry friction would drive its slide one way, though all of it brakes both.
     ("sliding", "waypoints", 100.0, 30.0, 723269726, "gravity_compensated", "large"),
     # Surely and evidently in both fits, though blocks left out are not predicted better.
     ("ur10e", "teach", 125.0, 30.0, 67384537, "payload", "medium"),
 )
 SLOW = (
+    # The information is in few stretches: fits without one of them still agree on it.
+    ("ur10e", "teach", 250.0, 15.0, 954789563, "gain", "medium"),
+    # A payload, of more sizes, leaves as little.
+    ("ur5", "fourier", 250.0, 15.0, 314265696, "quarter_turn", "large"),
+    # Friction that builds up over a tenth of the usual distance hides it.
+    ("ur3", "teach", 250.0, 15.0, 1000052415, "tilt", "medium"),
     # Other recordings with these faults are above.
     ("ur5", "fourier", 500.0, 15.0, 864229114, "gains", "medium"),
     ("ur5", "waypoints", 125.0, 10.0, 570712269, "joint_delay", "large"),

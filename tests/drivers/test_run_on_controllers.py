@@ -23,6 +23,7 @@ SAME_PATH = 2e-3
 """Distance between the simulated arm under the controller and in this process [rad]."""
 
 
+@pytest.mark.long
 def test_slow_and_warm_up_passes_come_first(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

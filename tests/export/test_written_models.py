@@ -151,6 +151,7 @@ def test_python_takes_one_state_or_many(generated: tuple[dict, pin.Model]) -> No
     assert arm["mass_matrix"](states.q).shape == (200, 4, 4)
 
 
+@pytest.mark.long
 def test_c_parts_apart(tmp_path: Path) -> None:
     """The other functions of the header, called by a program of our own."""
     robot = heavy_arm()

@@ -67,6 +67,7 @@ def test_the_displacement_is_found_and_said(found: Identification) -> None:
     assert any(words.startswith("presliding over") for words in found.estimate.choices)
 
 
+@pytest.mark.long
 def test_friction_of_a_motor_that_is_coupled_builds_up_over_its_own_motion() -> None:
     drives = replace(ur5().drives, coupling=COUPLED)
     robot = replace(ur5(), drives=drives)
@@ -125,6 +126,7 @@ def test_terms_that_leave_it_out_are_given_no_delays_instead() -> None:
     assert estimate.model.friction.terms == settings.terms.terms
 
 
+@pytest.mark.long
 def test_joints_that_start_slowly_hide_no_delay() -> None:
     # Friction is a step here: a displacement of 1e-4 rad takes as long as a delay at the start.
     robot, joint, late_s = arm("ur3"), 3, 0.048

@@ -185,15 +185,16 @@ def test_delays_have_deviations() -> None:
     assert given.delays_std_s is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "seed", "rate_hz", "seconds", "joint", "late", "presliding"),
     [
         # Taken whatever is left out.
         ("ur3", 1012, 250.0, 20.0, 1, 0.0425, False),
         # Beside a displacement that lies between those that are tried.
-        pytest.param("ur10e", 2006, 125.0, 30.0, 5, 0.0247, True, marks=pytest.mark.long),
+        ("ur10e", 2006, 125.0, 30.0, 5, 0.0247, True),
         # Told by a displacement that is looked for anew at each delay.
-        pytest.param("ur5", 2035, 125.0, 30.0, 1, 0.045, True, marks=pytest.mark.long),
+        ("ur5", 2035, 125.0, 30.0, 1, 0.045, True),
         # Not by the friction that the first repetition starts with; with Stribeck friction.
         ("ur10e", 5006, 125.0, 30.0, 5, 0.0158, True),
     ],

@@ -78,7 +78,7 @@ def test_it_decides_within_few_screens_and_nothing_is_cut_off(
     assert outside == []
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.long)])
 def test_axe_finds_no_serious_fault(opened: Any, scheme: str) -> None:
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="needs axe-core")
     page = opened(SCREEN, color_scheme=scheme)

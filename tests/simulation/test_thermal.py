@@ -43,6 +43,7 @@ def test_half_an_hour_of_hard_motion_warms_the_ur5(
     assert ((fall > 0.20) & (fall < 0.35)).all()
 
 
+@pytest.mark.long
 def test_looking_more_often_changes_little(arm: SimulatedArm, motion: FourierSeries) -> None:
     few, many = (warm_up(arm, motion, 600.0, looks=looks) for looks in (2, 6))
     np.testing.assert_allclose(few, many, rtol=0, atol=0.3)

@@ -182,11 +182,9 @@ def test_kr300_warns_and_still_predicts(
     assert np.isfinite(bodies.std).all()
 
 
-@pytest.mark.parametrize("preset", ["paper", pytest.param("best", marks=pytest.mark.long)])
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param("RecordTrajectory_quadratic", marks=pytest.mark.long), "RunTrajectory1"],
-)
+@pytest.mark.long
+@pytest.mark.parametrize("preset", ["paper", "best"])
+@pytest.mark.parametrize("name", ["RecordTrajectory_quadratic", "RunTrajectory1"])
 def test_short_one_way_moves_are_refused_in_words(name: str, preset: str) -> None:
     robot = load_robot(DATA / "kinova_gen3" / "gen3.urdf")
     record = read_recording([DATA / "kinova_gen3" / f"{name}.csv"], robot=robot)
