@@ -113,10 +113,12 @@ def friction_power(ref: Reference, values: Array) -> Array:
     """
     n = ref.recording.robot.joints
     every = values[10 * n : ref.shapes.stop].copy()
-    every[n : 2 * n] = 0.0  # motor inertia
+    names = ref.recording.model.names[10 * n :]
+    every[[k for k, name in enumerate(names) if name.startswith("Im")]] = 0.0
     dry = every.copy()
+    dry[[k for k, name in enumerate(names) if name.startswith("Fv")]] = 0.0
     growing = (ref.shapes.stop - ref.shapes.start) // SHAPES
-    dry[: ref.shapes.start - 10 * n] = dry[len(dry) - growing :] = 0.0
+    dry[len(dry) - growing :] = 0.0
     dq = ref.recording.average(ref.recording.dq.T)
     ways = np.array([np.maximum(dq, 0.0), np.minimum(dq, 0.0)])
     friction = np.tensordot([every, dry], ref.columns[10 * n : ref.shapes.stop], axes=1)
