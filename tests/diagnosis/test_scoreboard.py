@@ -204,6 +204,16 @@ def test_a_model_that_is_called_usable_and_errs_misleads(
     assert told["misled"] == misled
 
 
+@pytest.mark.parametrize(
+    ("fault", "own"), [("spring", True), ("ripple", True), ("gain", False), ("contact", False)]
+)
+def test_springs_and_ripples_are_torques_of_the_arm(fault: str, own: bool) -> None:
+    case = Case(arm="ur3", motion="fourier", rate_hz=100.0, duration_s=2.0, seed=1, size="large")
+    plain, made = (recorded(replace(case, fault=kind)) for kind in (None, fault))
+    differs = (plain.clean != made.clean).any(axis=0)
+    assert np.flatnonzero(differs).tolist() == ([made.joint] if own else [])
+
+
 def test_light_links_of_an_unpublished_arm_are_fitted_as_well_as_heavy_ones() -> None:
     """Of a hundredth of the torques, 12 to 32 times as much was left of four joints."""
     made = recorded(Case(arm="ur10e", motion="fourier", rate_hz=125.0, duration_s=10.0, seed=1))

@@ -181,7 +181,8 @@ def _record(
 ) -> tuple[ExperimentRecord, Array, float]:
     """What is written of a motion, its true torques, and the size with its sign.
 
-    Signs are drawn where `signed` is None; another motion of the same arm has the same.
+    Springs and ripples are torques of the arm: true ones. Signs are drawn where `signed` is
+    None; another motion of the same arm has the same.
     """
     robot, fault = real.robot, case.fault
     limit = np.where(np.isfinite(robot.limits.torque), robot.limits.torque, 50.0)
@@ -205,15 +206,15 @@ def _record(
         seen, dq = q + bend, dq + np.gradient(bend, t, axis=0)
         pushed = rigid = rigid + real.armature * np.gradient(dq - path.dq, t, axis=0)
     friction = real.friction(dq, rigid, float(t[1] - t[0]))
+    if fault == "spring":
+        friction[:, joint] += size * limit[joint] * np.sin(1.3 * q[:, joint] + 0.5)
+    elif fault == "ripple":
+        friction[:, joint] += size * limit[joint] * np.sin(2 * 40 * q[:, joint] + 1.0)
     clean = rigid + friction
     if fault == "friction_drift":
         friction = friction * (1 - size * (t / t[-1])[:, None])
     tau = pushed + friction
-    if fault == "spring":
-        tau[:, joint] += size * limit[joint] * np.sin(1.3 * q[:, joint] + 0.5)
-    elif fault == "ripple":
-        tau[:, joint] += size * limit[joint] * np.sin(2 * 40 * q[:, joint] + 1.0)
-    elif fault == "gravity_compensated":
+    if fault == "gravity_compensated":
         tau -= real.torque(q, np.zeros_like(q), np.zeros_like(q))
     elif fault == "friction_compensated":
         tau -= 0.85 * (real.coulomb * np.tanh(path.dq / 0.02) + real.viscous * path.dq)
