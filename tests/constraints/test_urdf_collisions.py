@@ -8,7 +8,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import dynid
 from dynid.constraints import certify, safe_constraints
+from dynid.core import InputError
 from dynid.robot import Body, load_robot
 from dynid.trajectory import FourierSeries
 
@@ -165,3 +167,12 @@ def test_a_robot_without_bodies_is_not_judged() -> None:
     judge = safe_constraints(replace(load_robot("ur5"), bodies=()))
     assert judge.surroundings is None
     assert {item.kind for item in judge.unjudged} == {"self_collision", "environment"}
+
+
+@needs_models
+def test_the_limit_that_keeps_even_a_small_motion_from_being_found_is_named() -> None:
+    arm = DATA / "hextilt_description" / "urdf" / "hextilt_flying_arm_5.urdf"
+    with pytest.raises(InputError, match="not even a small one: self collision") as caught:
+        dynid.design(arm, dynid.DesignSettings(starts=1, floor="none"))
+    assert "--clearance" in (caught.value.next_step or "")
+    assert "link_2" in str(caught.value.where)
