@@ -8,7 +8,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import dynid
 from dynid.constraints import certify, safe_constraints
+from dynid.core import InputError
 from dynid.robot import Body, load_robot
 from dynid.trajectory import FourierSeries
 
@@ -125,9 +127,21 @@ def test_bodies_of_near_links_that_are_too_wide_are_named_and_nothing_is_called_
     judge = safe_constraints(replace(robot, bodies=(*robot.bodies, wide)))
     assert any("wide are not judged" in note for note in judge.notes)
     assert judge.surroundings is not None
-    assert not judge.surroundings.complete["self_collision"]
+    assert judge.surroundings.lacking["self_collision"]
     assert "shoulder 1 - wide" in judge.surroundings.pairs["self_collision"].names
     assert "forearm 1 - wide" not in judge.surroundings.pairs["self_collision"].names
+
+
+def test_causes_are_those_of_each_kind_and_notes_of_the_robot_are_none() -> None:
+    robot = load_robot("ur5")
+    wide = Body(name="wide", link=5, points=np.zeros((1, 3)), radius=0.3)
+    noted = replace(robot, bodies=(*robot.bodies, wide), notes=("an axis made a unit axis",))
+    judge = safe_constraints(noted)
+    assert {item.kind for item in judge.unjudged} == {"self_collision"}
+    bare = safe_constraints(replace(noted, bodies=()))
+    (cause,) = next(item.causes for item in bare.unjudged if item.kind == "self_collision")
+    assert cause.startswith("no bodies are known of the robot")
+    assert "an axis made a unit axis" in bare.notes
 
 
 def test_what_a_robot_says_of_its_bodies_is_passed_on() -> None:
@@ -153,3 +167,12 @@ def test_a_robot_without_bodies_is_not_judged() -> None:
     judge = safe_constraints(replace(load_robot("ur5"), bodies=()))
     assert judge.surroundings is None
     assert {item.kind for item in judge.unjudged} == {"self_collision", "environment"}
+
+
+@needs_models
+def test_the_limit_that_keeps_even_a_small_motion_from_being_found_is_named() -> None:
+    arm = DATA / "hextilt_description" / "urdf" / "hextilt_flying_arm_5.urdf"
+    with pytest.raises(InputError, match="not even a small one: self collision") as caught:
+        dynid.design(arm, dynid.DesignSettings(starts=1, floor="none"))
+    assert "--clearance" in (caught.value.next_step or "")
+    assert "link_2" in str(caught.value.where)

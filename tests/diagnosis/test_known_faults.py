@@ -11,10 +11,17 @@ import numpy as np
 import pytest
 from pinocchio_arm import NOISE, RATE, Wrong, arm, recording
 
-from dynid import random_excitation, read_recording, simulate_recording
+from dynid import identify, random_excitation, read_recording, simulate_recording
 from dynid.core import Finding
-from dynid.diagnosis import Recording, contact_stretches, diagnose, explain, findings_of
-from dynid.diagnosis.diagnose import recording_of
+from dynid.diagnosis import (
+    Explanation,
+    Recording,
+    contact_stretches,
+    diagnose,
+    explain,
+    findings_of,
+)
+from dynid.diagnosis.diagnose import finding_of, recording_of
 from dynid.diagnosis.events import torque_deviations
 from dynid.diagnosis.hypotheses import hypotheses
 from dynid.diagnosis.residual import fits, inertial_prior, reference
@@ -459,6 +466,31 @@ def test_an_unknown_payload_is_weighed(tmp_path: Path, scale: float, carried: fl
     found = findings_of(light, replace(robot, inertias=scale * robot.inertias))[0]
     assert found.kind == "payload"
     assert found.value == pytest.approx(carried * scale, abs=FEW_SIGMAS * (found.std or 0.0))
+
+
+def test_a_tool_that_the_robot_file_gives_is_no_unknown_payload(tmp_path: Path) -> None:
+    arm(tmp_path)
+    file, record = tmp_path / "arm.toml", recording(Wrong(carried=2.0))
+    file.write_text('urdf = "arm.urdf"\n')
+    named = [item for item in identify([record], file).warnings if item.kind == "payload"]
+    assert ["[tool]" in item.next_step for item in named] == [True]
+    file.write_text('urdf = "arm.urdf"\n[tool]\nmass = 2.0\ncom = [0.25, 0.02, 0.0]\n')
+    found = identify([record], file)
+    assert not [item for item in found.warnings if item.kind in ("payload", "gain_all")]
+    # The published last link is that with the tool, once.
+    published = found.estimate.model.robot
+    assert published.inertias[-1, 0] == load_robot(file).inertias[-1, 0] + 2.0
+    assert published.tool.mass == 0.0
+
+
+def test_a_smaller_size_is_said_without_a_sign(tmp_path: Path) -> None:
+    robot = arm(tmp_path)
+    for kind, word in (
+        ("link_length", "0.0 +- 0.0 mm shorter"),
+        ("payload", "3e-05 +- 1e-05 kg less"),
+    ):
+        item = Explanation(kind=kind, joints=(2,), value=-3e-5, std=1e-5, unit="m", score=9.0)
+        assert word in finding_of(item, robot, robot).text
 
 
 @pytest.mark.parametrize("share", [0.4, pytest.param(0.6, marks=pytest.mark.long)])

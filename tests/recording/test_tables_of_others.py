@@ -267,3 +267,56 @@ def test_json_that_is_no_recording(tmp_path: Path) -> None:
         with pytest.raises(RecordError) as caught:
             read_recording(tmp_path / "x.json")
         assert "\n" not in str(caught.value)
+
+
+def messages(path: Path) -> Path:
+    """A file whose joints stand in another order, with a finger's among them, and their names."""
+    robot, n = load_robot("ur5"), MOTION.samples
+    order = [3, 0, 5, 1, 4, 2]
+    names = [*(robot.joint_names[k] for k in order[:2]), "finger_joint"]
+    names += [robot.joint_names[k] for k in order[2:]]
+    q, tau = (
+        np.insert(values[:, order], 2, 0.01, axis=1)
+        for values in (MOTION.position(MOTION.t), MOTION.current(MOTION.t))
+    )
+    whole = np.floor(MOTION.t).astype(np.int64)
+    part = np.round(1e9 * (MOTION.t - whole)).astype(np.int64)
+    if path.suffix in (".npz", ".mat", ".h5"):
+        arrays = {"time": MOTION.t, "position": q, "effort": tau}
+        if path.suffix == ".npz":
+            np.savez(path, joint_names=np.array(names), **arrays)
+        elif path.suffix == ".mat":
+            scipy.io.savemat(path, {"state": {"name": np.array(names, dtype=object), **arrays}})
+        else:
+            with pytest.importorskip("h5py").File(path, "w") as file:
+                group = file.create_group("state")
+                for name, values in {"joint_names": names, **arrays}.items():
+                    group[name] = values
+        return path
+    columns = {"name": [names] * n, "position": q.tolist(), "effort": tau.tolist()}
+    if path.suffix == ".parquet":
+        stamps = {"header.stamp.sec": whole, "header.stamp.nanosec": part}
+        parquet.write_table(pa.table({**stamps, **columns}), path)
+        return path
+    lines = [
+        {"header": {"stamp": {"sec": int(whole[k]), "nanosec": int(part[k])}}}
+        | {name: values[k] for name, values in columns.items()}
+        for k in range(n)
+    ]
+    path.write_text("\n".join(map(json.dumps, lines)))
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".json", ".npz", ".mat", ".h5"])
+def test_joint_names_beside_the_numbers_give_the_order(tmp_path: Path, suffix: str) -> None:
+    check(read_recording(messages(tmp_path / f"x{suffix}"), robot=load_robot("ur5")))
+
+
+def test_joint_names_that_change_are_refused(tmp_path: Path) -> None:
+    path = messages(tmp_path / "x.json")
+    lines = path.read_text().splitlines()
+    other = json.loads(lines[7])
+    other["name"] = other["name"][::-1]
+    path.write_text("\n".join([*lines[:7], json.dumps(other), *lines[8:]]))
+    with pytest.raises(RecordError, match="names change from row to row"):
+        read_recording(path, robot=load_robot("ur5"))

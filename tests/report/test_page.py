@@ -69,6 +69,23 @@ def test_what_to_do_follows_what_was_found(page: Page) -> None:
     assert "95 % intervals of Fc [N·m] and Fv [N·m·s/rad]." in text
 
 
+def test_units_of_sliding_joints_are_their_own(page: Page) -> None:
+    _, contents = page
+    item = contents.estimates[0]
+    assert item.shown is not None
+    model = item.estimate.model
+    turned = float(np.abs(item.shown.dq[:, 1:]).max())
+    dq = np.array(item.shown.dq)
+    dq[:, 0] *= 100.0
+    kinds = ("prismatic", *["revolute"] * (model.robot.joints - 1))
+    robot = replace(model.robot, joint_types=kinds)
+    estimate = replace(item.estimate, model=replace(model, robot=robot))
+    slid = replace(item, estimate=estimate, validation=None, training=replace(item.shown, dq=dq))
+    text = visible(render(replace(contents, estimates=(slid,))))
+    assert f"Tested up to {number(turned, 2)} rad/s." in text
+    assert "torque and residual [N·m, N where sliding]" in text
+
+
 def test_measured_torque_is_drawn_where_it_was_measured(page: Page) -> None:
     path, contents = page
     shown = contents.estimates[0].shown

@@ -256,3 +256,31 @@ def test_broken_files_name_table_and_key(name: str, tmp_path: Path) -> None:
     assert str(caught.value).count("two.toml") == 1
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 900
+
+
+def test_what_a_table_of_inertias_leaves_out_is_that_of_the_urdf(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(ARM)
+    file = tmp_path / "arm.toml"
+    file.write_text('urdf = "arm.urdf"\n')
+    published = load_robot(file).inertias
+    file.write_text('urdf = "arm.urdf"\n[inertia]\nframes = "dh"\nmass = [nan, nan, nan]\n')
+    np.testing.assert_allclose(load_robot(file).inertias, published, atol=1e-12)
+    # A heavier link keeps its centre of mass and its tensor about it.
+    file.write_text('urdf = "arm.urdf"\n[inertia]\nmass = [nan, 9.0, nan]\n')
+    heavier = load_robot(file).inertias
+    np.testing.assert_allclose(heavier[[0, 2]], published[[0, 2]], atol=1e-12)
+    np.testing.assert_allclose(heavier[1, :4], published[1, :4] * 9.0 / published[1, 0])
+
+
+def test_a_missing_inertial_is_given_by_the_robot_file_alone(tmp_path: Path) -> None:
+    start = ARM.index("<inertial>", ARM.index('<link name="l1">'))
+    stop = ARM.index("</inertial>", start) + len("</inertial>")
+    (tmp_path / "arm.urdf").write_text(ARM[:start] + ARM[stop:])
+    file = tmp_path / "arm.toml"
+    file.write_text('urdf = "arm.urdf"\n')
+    assert load_robot(file).published.tolist() == [False, True, True]
+    com = "com = [[0, 0, 0.1], [nan, nan, nan], [nan, nan, nan]]"
+    file.write_text(f'urdf = "arm.urdf"\n[inertia]\nmass = [4, nan, nan]\n{com}\n')
+    robot = load_robot(file)
+    assert robot.published.all()
+    assert robot.inertias[0, :4].tolist() == [4, 0, 0, 0.4]

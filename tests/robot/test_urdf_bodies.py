@@ -155,6 +155,25 @@ def test_the_door_reads_them_unless_told_otherwise(tmp_path: Path) -> None:
     assert [item.name for item in load_robot(toml).bodies] == ["own"]
 
 
+def test_a_robot_file_adds_bodies_and_the_links_that_it_leaves_out_keep_those_of_the_urdf(
+    tmp_path: Path,
+) -> None:
+    path, _ = arm(tmp_path, '<mesh filename="none.stl"/>')
+    ground = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
+    path.write_text(
+        path.read_text().replace('<link name="base"/>', f'<link name="base">{ground}</link>')
+    )
+    toml = tmp_path / "arm.toml"
+    toml.write_text(
+        'urdf = "arm.urdf"\njoint_names = ["turn"]\n[[capsule]]\nname = "own"\nlink = "turn"\n'
+        "start = [0, 0, 0]\nend = [0, 0, 1]\nradius = 0.1\n"
+    )
+    robot = load_robot(toml)
+    assert [item.name for item in robot.bodies] == ["base 1", "own"]
+    # The mesh that was not found is that of a link whose shape is given.
+    assert not robot.body_notes
+
+
 def test_a_tip_keeps_its_numbers(tmp_path: Path) -> None:
     arm(tmp_path)
     toml = tmp_path / "arm.toml"

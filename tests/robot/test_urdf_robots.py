@@ -111,6 +111,12 @@ def test_locked_joints_and_tips_of_choice(tmp_path: Path) -> None:
     assert finger.joint_names == ("j1", "j2", "j3", "finger_1")
 
 
+def test_a_velocity_limit_that_stands_for_none_is_unknown() -> None:
+    robot = robot_from_urdf(ARM.replace('velocity="3"', 'velocity="10000"').encode())
+    assert np.isnan(robot.limits.velocity).tolist() == [False, True, False]
+    assert any("j2: velocity limit of 1e+04 read as unknown" in note for note in robot.notes)
+
+
 def test_axes_get_unit_length_with_a_note() -> None:
     robot = robot_from_urdf(ARM.encode())
     np.testing.assert_array_equal(robot.axes[1], [0, -1, 0])

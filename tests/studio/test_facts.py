@@ -75,6 +75,16 @@ def test_margins_read_the_same_way() -> None:
     assert (rows["environment"]["used"] > 1, rows["environment"]["value"]) == (True, -1.0)
 
 
+def test_limits_of_sliding_joints_have_their_units() -> None:
+    worst = {
+        "position": Worst(margin=0.5, what="lift", value=0.1, limit=0.2),
+        "velocity": Worst(margin=0.5, what="lift", value=0.1, limit=0.2),
+        "torque": Worst(margin=0.5, what="elbow", value=5.0, limit=10.0),
+    }
+    units = [row["unit"] for row in facts.margins(worst, {"lift"})]
+    assert units == ["m", "m/s", "N·m"]
+
+
 def test_an_instant_of_a_robot_without_anything_known_is_json() -> None:
     constraints = safe_constraints(load_robot("ur5"))
     told = facts.instant_facts(*instant(constraints, *np.zeros((3, 6))))

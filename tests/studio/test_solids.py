@@ -129,3 +129,13 @@ def test_broken_meshes_are_said_and_bodies_drawn(tmp_path) -> None:
         meshes = robot_meshes(robot, notes)
         assert len(notes) == 1
         assert len(meshes) == len(arm_meshes(robot)) > 0
+
+
+def test_vertices_that_no_face_uses_shade_nothing() -> None:
+    """Meshes of visual geometry have such: the page showed no arm at all."""
+    square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    plain = shaded(square, faces, smooth=True)
+    # In the order of `numpy.unique` they come before, among and after the others.
+    more = np.vstack([square, [[-1.0, 0, 0], [0.5, 0, 0], [9, 9, 9]]])
+    np.testing.assert_array_equal(shaded(more, faces, smooth=True), plain)

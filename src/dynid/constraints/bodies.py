@@ -130,9 +130,9 @@ class Surroundings:
     bodies: CollisionBodies
     pairs: dict[str, JudgedPairs]
     """Kind of distance to its pairs, where there are any."""
-    complete: dict[str, bool]
-    """Kind of distance to whether the bodies are known to hold every link that it is about, and
-    no pair was left out that can meet."""
+    lacking: dict[str, tuple[str, ...]]
+    """Kind of distance to why it cannot be judged in full: links that no body holds, pairs that
+    were left out though they can meet."""
 
     @property
     def all_pairs(self) -> Indices:
@@ -158,9 +158,9 @@ def surroundings_of(
         for shape in scene.payload
     )
     moving = (*sorted(robot.bodies, key=lambda body: body.link), *carried)
-    complete = True
-    if settings.self_collision or scene.shapes:
-        complete = _note_bodies(robot, settings, notes)
+    notes += robot.notes
+    bare = not_held(robot) if settings.self_collision or scene.shapes else ()
+    notes += bare
     if scene.shapes and not any(body.link for body in moving):
         raise InputError(
             "a scene needs a robot with collision bodies",
@@ -189,7 +189,8 @@ def surroundings_of(
     poses = _poses(settings)
     arm = len(moving) - len(carried)
     own = _numbers(_own_pairs(moving, arm) if settings.self_collision else [])
-    own, clearances, free = _free_pairs(bodies, own, poses, settings, names, arm, notes)
+    own, clearances, left_out = _free_pairs(bodies, own, poses, settings, names, arm, notes)
+    notes += left_out
     around = [
         (len(moving) + s, j)
         for s in range(len(shapes))
@@ -215,7 +216,7 @@ def surroundings_of(
     return Surroundings(
         bodies=bodies,
         pairs=pairs,
-        complete={"self_collision": complete and free, "environment": complete},
+        lacking={"self_collision": (*bare, *left_out), "environment": bare},
     )
 
 
@@ -233,21 +234,15 @@ def _own_pairs(moving: tuple[Body, ...], arm: int) -> list[tuple[int, int]]:
     ]
 
 
-def _note_bodies(robot: RobotModel, settings: ConstraintSettings, notes: list[str]) -> bool:
-    """Whether the bodies are known to hold all of the moving links."""
-    notes.extend((*robot.notes, *robot.body_notes))
+def not_held(robot: RobotModel) -> tuple[str, ...]:
+    """Why its bodies may not hold all of the moving links."""
     if not robot.bodies:
-        if settings.self_collision:
-            notes.append(
-                "self-collision is not judged: no bodies are known of the robot ([[body]] in a"
-                " robot file, or collision geometry in a URDF)"
-            )
-        return False
+        text = "no bodies are known of the robot ([[body]] in a robot file, or geometry in a URDF)"
+        return (*robot.body_notes, text)
     known = {body.link for body in robot.bodies}
     bare = [name for k, name in enumerate(robot.joint_names, start=1) if k not in known]
-    if bare:
-        notes.append(f"no bodies are known of what {', '.join(bare)} moves: not judged")
-    return not bare and not robot.body_notes
+    words = (f"no bodies are known of what {', '.join(bare)} moves: not judged",) if bare else ()
+    return (*robot.body_notes, *words)
 
 
 def _free_pairs(
@@ -258,15 +253,15 @@ def _free_pairs(
     names: list[str],
     arm: int,
     notes: list[str],
-) -> tuple[Indices, Array, bool]:
+) -> tuple[Indices, Array, tuple[str, ...]]:
     """The pairs that are judged of all own pairs (P, 2).
 
     Bodies that can never be twice the clearance apart must keep half of the largest distance seen
-    at the poses (N, n). Bodies from number `arm` on are carried; `notes` is told what is left out.
+    at the poses (N, n): `notes` is told. Bodies from number `arm` on are carried.
 
     Returns:
-        The pairs, the clearance that each must keep [m], and whether every other pair is proven
-            not to meet.
+        The pairs, the clearance that each must keep [m], and in words which others are left out
+            though they may meet.
 
     Raises:
         InputError: What is carried meets a link in every pose, beside the neighbour of the last.
@@ -275,7 +270,8 @@ def _free_pairs(
     gap = bodies.link[outer] - bodies.link[inner]
     near = (gap <= _NEAR) | (outer >= arm)
     far = bodies.distances(poses, own[near]).T
-    kept, free, clearances = ~near, True, np.full(len(near), settings.self_clearance)
+    kept, clearances = ~near, np.full(len(near), settings.self_clearance)
+    left_out: list[str] = []
     for row, k in zip(far, np.flatnonzero(near), strict=True):
         a, b = (int(x) for x in own[k])
         what = f"{names[a]} and {names[b]}"
@@ -299,11 +295,10 @@ def _free_pairs(
                 f"{what} are never farther than {most:.4f} m apart: the limit is half of that"
             )
         if not kept[k]:
-            free = False
-            notes.append(
+            left_out.append(
                 f"{what} are not judged: their bodies are too close in {share:.0%} of poses"
             )
-    return own[kept], clearances[kept], free
+    return own[kept], clearances[kept], tuple(left_out)
 
 
 def _reachable(

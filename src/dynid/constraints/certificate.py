@@ -166,7 +166,7 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
             # What is sought is the distance less what is required.
             seen, sure = found.value + item.required, found.bound + item.required
             worst[kind] = _settled(item, found.t, seen, seen, sure)
-            proven += [kind] if ends.proven and around.complete[kind] else []
+            proven += [kind] if ends.proven and not around.lacking[kind] else []
     return Certificate(
         worst=worst,
         proven=tuple(kind for kind in proven if math.isfinite(worst[kind].margin)),

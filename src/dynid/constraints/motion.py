@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.constraints.arm import TorqueJudge, prior_dynamics, prior_link
-from dynid.constraints.bodies import Surroundings, surroundings_of
+from dynid.constraints.bodies import Surroundings, not_held, surroundings_of
 from dynid.constraints.collision import Proximity
 from dynid.constraints.limits import (
     DISTANCES,
@@ -32,7 +32,7 @@ from dynid.constraints.limits import (
 )
 from dynid.constraints.scene import ConstraintSettings, Scene, surrounded
 from dynid.core import Array, InputError
-from dynid.robot import RobotModel, from_body
+from dynid.robot import RobotModel, carried
 from dynid.trajectory import usable_bounds
 
 
@@ -248,12 +248,13 @@ def _surroundings(
         "environment": whole.scene is not None and bool(whole.scene.shapes),
     }
     for kind, on in asked.items():
-        if on and (found is None or not found.complete[kind]):
+        causes = not_held(robot) if found is None else found.lacking[kind]
+        if on and causes:
             unjudged.append(
                 Unjudged(
                     kind=kind,
-                    causes=tuple(notes[said:]) or ("no shapes are known of the robot",),
-                    next_step="Give its links shapes: [[capsule]] in a robot file, or "
+                    causes=causes,
+                    next_step="Give its links shapes that fit: [[capsule]] in a robot file, or "
                     "meshes (--mesh-dir DIR).",
                 )
             )
@@ -262,14 +263,10 @@ def _surroundings(
 
 def _loaded(robot: RobotModel) -> RobotModel:
     """The robot with its payload as a part of the last link."""
-    tool = robot.tool
-    if not tool.mass or np.isnan(robot.inertias[-1, :4]).any():
+    if not robot.tool.mass or np.isnan(robot.inertias[-1, :4]).any():
         return robot
-    place = robot.flange[:3, :3] @ tool.com + robot.flange[:3, 3]
     inertias = np.array(robot.inertias)
-    inertias[-1] = prior_link(robot, robot.joints - 1) + from_body(
-        tool.mass, place, np.zeros((3, 3))
-    )
+    inertias[-1] = prior_link(robot, robot.joints - 1) + carried(robot)
     return replace(robot, inertias=inertias)
 
 

@@ -75,7 +75,7 @@ _STEPS = {
     'torque_side = "motor"',
     "coupled_motors": "give the coupling of their motors in the robot file: {coupling}, "
     'torque_side = "motor", position_side = "motor"',
-    "payload": "remove it, or add it to the last link of the robot file",
+    "payload": "remove it, or give it in a robot file: [tool] with mass and com",
     "payload_change": "identify parts with --from and --to, or record with one payload",
     "friction_drift": "move the arm until it is warm, or identify parts with --from and --to",
     "gravity_compensated": "record the whole torque: the controller's gravity has been taken off",
@@ -96,14 +96,14 @@ _FACTS = {
     "clock_offset": "torques were stamped {value:.2f} +- {std:.2g} s later than their motion",
     "encoder_zero": "the encoder zero of {joints} is off by {value:.3g} +- {std:.2g} {unit}",
     "flexibility": "{joints} has a flexibility of {value:.2g} +- {std:.1g} {unit}",
-    "link_length": "the link before {joints} is {mm:.1f} +- {mm_std:.1f} mm longer than in the "
-    "robot file",
+    "link_length": "the link before {joints} is {mm:.1f} +- {mm_std:.1f} mm {longer} than in "
+    "the robot file",
     "spring": "{joints} has a torque of its position beyond gravity, up to {value:.2g} {unit}",
     "mounting": "gravity is {deg:.2f} +- {deg_std:.2f} deg off the mounting",
     "coupled_friction": _TURNS,
     "coupled_torques": f"{_TURNS}, and torques are those of motors",
     "coupled_motors": f"{_TURNS}, and positions and torques are those of motors",
-    "payload": "the last link carries {value:.3g} +- {std:.2g} kg more than published",
+    "payload": "the last link carries {size:.3g} +- {std:.2g} kg {more} than published",
     "payload_change": "the payload changes by {value:+.3g} +- {std:.2g} kg at about {since:.1f} s",
     "friction_drift": "friction changes by {percent:+.0f} +- {percent_std:.0f} % along the record",
     "gravity_compensated": "the torques contain no gravity",
@@ -252,9 +252,10 @@ def finding_of(item: Explanation, robot: RobotModel, undone: RobotModel) -> Find
     value, std = item.value, item.std
     text = _FACTS[item.kind].format(
         joints=names, value=value, std=std, unit=item.unit, since=item.since_s,
-        factor=1 + value, ms=1e3 * value, ms_std=1e3 * std, mm=1e3 * value,
-        mm_std=1e3 * std, deg=np.degrees(value), deg_std=np.degrees(std),
-        percent=100 * value, percent_std=100 * std,
+        factor=1 + value, ms=1e3 * value, ms_std=1e3 * std, mm=1e3 * abs(value),
+        mm_std=1e3 * std, longer="longer" if value > 0 else "shorter",
+        size=abs(value), more="more" if value > 0 else "less",
+        deg=np.degrees(value), deg_std=np.degrees(std), percent=100 * value, percent_std=100 * std,
     )  # fmt: skip
     if item.rivals:
         kind, joints = item.rivals[0].kind, item.rivals[0].joints

@@ -16,7 +16,7 @@ from dynid.core import Array, InputError
 from dynid.excitation.criteria import AOptimal, inverse
 from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.problem import ExcitationProblem
-from dynid.excitation.region import free_poses, grown_motion, region_of
+from dynid.excitation.region import free_poses, grown_motion, region_of, tightest
 from dynid.reduction import BaseParametrization
 from dynid.robot import RobotModel
 from dynid.trajectory import JointMotion, motion_family
@@ -137,11 +137,11 @@ def safe_motions(
         if x is not None:
             found.append(problem.family.trajectory(x[:, 0], x[:, 1:]).evaluate(times))
     if not found:
-        doubts = [f"{item.message}." for item in constraints.unjudged]
-        raise InputError(
-            "no motion was found that keeps the limits",
-            next_step=" ".join(["Check the scene and the limits.", *doubts]),
-        )
+        what = "no motion was found that keeps the limits"
+        if len(poses):
+            raise tightest(constraints, poses[0], f"{what}, not even a small one")
+        doubts = [f"Unjudged: {item.message}." for item in constraints.unjudged]
+        raise InputError(what, next_step=" ".join(["Check the scene and the limits.", *doubts]))
     return found
 
 

@@ -202,8 +202,8 @@ _FAR = 0.1
 """Distance that counts as much as a whole torque limit [m]."""
 
 _NEXT = {
-    "self_collision": "Check the payload's size and place (metres, in the flange's frame), or the"
-    " bodies of the robot.",
+    "self_collision": "Check the payload's size and place (metres, in the flange's frame), the"
+    " bodies of the robot and --clearance.",
     "environment": "Check the scene: metres, in the robot's base frame; shapes are solid. The"
     " floor is at the mounting plane unless --floor says otherwise.",
     "torque": "Check the torque limits, the masses and the payload; the prediction counts doubt and"
@@ -223,13 +223,18 @@ def check_room(constraints: MotionConstraints, region: MotionRegion) -> None:
     best = _roomiest(constraints, region, random)
     if any(room > 0 for _, room in best):
         return
-    pose = max(best, key=lambda item: item[1])[0][None]
-    still = np.zeros(pose.shape)
-    worst = constraints.usage(pose, still, still).worst
+    pose = max(best, key=lambda item: item[1])[0]
+    raise tightest(constraints, pose, "no free pose of the arm was found")
+
+
+def tightest(constraints: MotionConstraints, pose: Array, what: str) -> InputError:
+    """The error of a pose (n) that leaves too little room: the limit that is nearest at rest."""
+    still = np.zeros((1, len(pose)))
+    worst = constraints.usage(pose[None], still, still).worst
     kind, item = min(worst.items(), key=lambda pair: pair[1].room)
     unit = " m" if item.distance else ""
-    raise InputError(
-        f"no free pose of the arm was found: {kind.replace('_', ' ')}",
+    return InputError(
+        f"{what}: {kind.replace('_', ' ')}",
         where=item.what,
         value=f"{item.value:.4g}{unit} at best",
         limit=f"{item.limit:.4g}{unit}",

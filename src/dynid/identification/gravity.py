@@ -16,7 +16,7 @@ from dynid.identification.problem import IdentificationProblem, base_mapping, jo
 from dynid.recording import ExperimentRecord, RecordLike, are_poses, open_record
 from dynid.reduction import BaseParametrization, reduce_model
 from dynid.regressor import InverseDynamicModel
-from dynid.robot import RobotLike, RobotModel, load_robot
+from dynid.robot import RobotLike, RobotModel, load_robot, with_carried
 from dynid.signals import Samples, measured_torque
 
 STILL_HZ = 1.0
@@ -130,7 +130,7 @@ def identify_gravity(record: RecordLike, robot: RobotLike, *, frames: str = "") 
     Raises:
         InputError: A recording without poses at rest, without torques, or of another robot.
     """
-    robot = load_robot(robot, collision=False)
+    robot = with_carried(load_robot(robot, collision=False))
     record = open_record(record, robot)
     torque, q = measured_torque(record, robot), record.signals["q"]
     if not are_poses(q):

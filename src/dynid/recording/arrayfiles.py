@@ -11,17 +11,19 @@ import struct
 import warnings
 import zipfile
 import zlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import date, datetime, time, timedelta
 from io import BytesIO
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dynid.core import Array, MissingExtraError, RecordError, parse_json, printable, require
 from dynid.recording.columns import assign
 from dynid.recording.content import Budget, all_bytes, first_bytes, refused
+from dynid.recording.names import holds_names, one_order
 from dynid.recording.table import RawTable, ReadOptions
 from dynid.recording.variables import numbers_of, table_of
 
@@ -38,18 +40,38 @@ def read_frame(files: list[Path], options: ReadOptions, budget: Budget) -> RawTa
     path = files[0]
     with refused("the table is damaged"):
         table = _load(path, budget)
+        joints = _joint_names(table)
         named = [item for name in table.column_names for item in _columns(name, table.column(name))]
     if not named:
         raise RecordError("there are no columns of numbers")
     names = [name for name, _ in named]
     found = assign(names, options.columns, len(names), options.joints)
-    return found.table(
+    read = found.table(
         names,
         lambda k: named[k][1],
         format="parquet",
         rows=np.arange(1, len(named[0][1]) + 1, dtype=np.int64),
         row_word="row",
     )
+    if read.joint_names or len(joints) != read.joints:
+        return read
+    return replace(read, joint_names=joints)
+
+
+def _joint_names(table: Any) -> tuple[str, ...]:
+    """The joint names that stand in a column of lists, as in messages of ROS."""
+    types = importlib.import_module("pyarrow.types")
+    for name in filter(holds_names, table.column_names):
+        column = table.column(name)
+        listed = types.is_list(column.type) or types.is_large_list(column.type)
+        if listed and _is_text(types, column.type.value_type):
+            rows: list[Any] = column.to_pylist()
+            return one_order([list(map(str, row)) for row in rows if row], name)
+    return ()
+
+
+def _is_text(types: Any, kind: Any) -> bool:
+    return bool(types.is_string(kind) or types.is_large_string(kind) or types.is_string_view(kind))
 
 
 def _load(path: Path, budget: Budget) -> Any:
@@ -142,6 +164,8 @@ class _Contents:
 
     arrays: dict[str, Array] = field(default_factory=dict[str, Array])
     """Path (`rec.act_pos`, `run(2).q`) to array of one or two axes."""
+    names: dict[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+    """Path to the joint names that stand there."""
     objects: int = 0
     """Variables of MATLAB's own classes (timeseries, table), which only MATLAB can read."""
 
@@ -165,6 +189,8 @@ class _Contents:
                 for name in fields:
                     inner = f"{stem}.{printable(name, 80)}" if stem else name
                     self.collect(element[name], inner, depth + 1)
+        elif holds_names(path) and len(texts := _texts(value)):
+            self.names[path] = one_order(texts, path)
         elif np.asarray(value).dtype.kind == "O":
             self._collect_cells(value, path, depth)
         elif (array := numbers_of(value)) is not None and array.size:
@@ -194,6 +220,22 @@ class _Contents:
             own.arrays = {path: np.column_stack(columns)}
         self.arrays.update(own.arrays)
         self.objects += own.objects
+
+
+def _texts(value: Any) -> list[list[str]]:
+    """Rows of words, of lists of them and of MATLAB's cells and matrices of letters."""
+    array: NDArray[Any] = np.atleast_1d(np.asarray(value).squeeze())
+    if array.ndim > 2 or array.dtype.kind not in "OUS":
+        return []
+    words: list[str] = []
+    for item in array.ravel().tolist():
+        inner: NDArray[Any] = np.asarray(item)
+        if inner.size != 1 or inner.dtype.kind not in "US":
+            return []
+        word = inner.ravel()[0]
+        words.append((word.decode(errors="replace") if isinstance(word, bytes) else word).strip())
+    width = array.shape[-1]
+    return [words[k : k + width] for k in range(0, len(words), width)]
 
 
 def _by_columns(item: dict[str, Any]) -> dict[str, Any]:
@@ -237,7 +279,7 @@ def read_hdf5(files: list[Path], options: ReadOptions, budget: Budget) -> RawTab
             # MATLAB keeps what its cells point to under #refs#.
             if not name.startswith("#"):
                 _collect_hdf5(file, _own(file, name, name), name, contents, 0, budget)
-    return table_of(contents.arrays, options)
+    return table_of(contents.arrays, options, contents.names)
 
 
 def _own(group: Any, name: str, path: str) -> Any:
@@ -278,6 +320,8 @@ def _collect_hdf5(
                 stem, _, last = path.rpartition(".")
                 inner = f"{stem}({number + 1}).{last}" if stem else f"{path}({number + 1})"
                 _collect_hdf5(file, file[reference], inner, into, depth + 1, budget)
+    elif item.dtype.kind == "O" and holds_names(path):
+        into.collect(item[()], path, depth)
     elif "MATLAB_empty" not in item.attrs and item.dtype.kind != "O":
         unit = item.attrs.get("unit", item.attrs.get("units"))
         mark = f" [{unit}]" if isinstance(unit, str) and unit else ""
@@ -318,7 +362,7 @@ def read_npz(files: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             warnings.simplefilter("ignore", UserWarning)
             content = np.load(stream, allow_pickle=False)
             contents.collect(content if isinstance(content, np.ndarray) else dict(content), "")
-    return table_of(contents.arrays, options)
+    return table_of(contents.arrays, options, contents.names)
 
 
 def read_json(files: list[Path], options: ReadOptions, budget: Budget) -> RawTable:
@@ -335,7 +379,7 @@ def read_json(files: list[Path], options: ReadOptions, budget: Budget) -> RawTab
             content = [parse_json(line) for line in lines]
     if isinstance(content, dict | list):
         contents.collect(content, "")
-    return table_of(contents.arrays, options)
+    return table_of(contents.arrays, options, contents.names)
 
 
 _HEADER = 128
@@ -363,7 +407,7 @@ def read_mat(files: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             next_step=_PLAIN if contents.objects else _SAVE,
         )
     try:
-        table = table_of(contents.arrays, options)
+        table = table_of(contents.arrays, options, contents.names)
     except RecordError as error:
         if not harm and not contents.objects:
             raise

@@ -10,7 +10,7 @@ from pathlib import Path
 from dynid.core import RecordError, UnclearRecordError
 from dynid.recording.cells import count, is_missing, is_name, is_number, is_stamp, is_unit, split
 from dynid.recording.content import first_bytes, unreadable
-from dynid.recording.names import parse_name
+from dynid.recording.names import NAMES_OF_JOINTS, parse_name
 
 MAX_LINE = 1 << 20
 """Longest line that is read [characters]; a longer one counts as unreadable."""
@@ -109,7 +109,6 @@ def _first_lines(path: Path, encoding: str, count: int) -> list[str]:
 _ARRAY = re.compile(r"array\(\s*(?:['\"][a-z]['\"]\s*,\s*)?(\[[^\]]*\])[^()]*\)")
 _LIST = re.compile(r"(?<![\w\])])[\[(]([^\[\]()]*)[\])](?![\w\[(])")
 _WORD = re.compile(r"[A-Za-z_][\w/\-]*")
-_NAMES = frozenset({"name", "names", "joint_name", "joint_names"})
 
 
 def _has_lists(line: str) -> bool:
@@ -187,7 +186,7 @@ def _joints_named(names: Sequence[str] | None, cells: Sequence[str]) -> tuple[in
     for k, name in enumerate(names):
         word = re.split(r"[/.]", name.strip().strip("\"'").lower())[-1]
         match = re.fullmatch(r"([a-z_]+?)_?\[?(\d{1,2})\]?", word)
-        if match and match.group(1) in _NAMES and not is_number(cells[k]):
+        if match and match.group(1) in NAMES_OF_JOINTS and not is_number(cells[k]):
             found.append((int(match.group(2)), k))
     return tuple(column for _, column in sorted(found))
 

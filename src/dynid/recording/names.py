@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from dynid.core import RecordError, printable
 from dynid.recording.cells import factor_of, is_unit
 
 UR_JOINTS = (
@@ -61,6 +62,34 @@ RANK: dict[str, tuple[str, int]] = {
     for place, word in enumerate(words.split())
 }
 """Normalised name to its quantity and its rank among the names of that quantity."""
+
+
+NAMES_OF_JOINTS = frozenset({"name", "names", "joint_name", "joint_names"})
+"""What the joints' own names are called where they stand beside the numbers."""
+
+
+def holds_names(path: str) -> bool:
+    """Whether what stands at a path (`msg.name`, `/joint_states/joint_names`) is joint names."""
+    return re.split(r"[/.]", path.lower())[-1] in NAMES_OF_JOINTS
+
+
+def one_order(rows: Sequence[Sequence[str]], path: str) -> tuple[str, ...]:
+    """The joint names that every row gives; none where they are not one a joint.
+
+    Raises:
+        RecordError: Rows give different ones.
+    """
+    found = {tuple(row) for row in rows}
+    if len(found) > 1:
+        first, second = sorted(found)[:2]
+        raise RecordError(
+            "the joint names change from row to row",
+            where=path,
+            value=f"{printable(', '.join(first), 100)}; {printable(', '.join(second), 100)}",
+            next_step="Keep the rows of one publisher, whose names stay.",
+        )
+    names = next(iter(found), ())
+    return names if len({*names}) == len(names) else ()
 
 
 def words_of(text: str) -> frozenset[str]:

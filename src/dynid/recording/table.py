@@ -256,7 +256,9 @@ def _shared(one: str, other: str) -> int:
 
 
 def stamps_of(
-    clocks: Sequence[Clock], column: Callable[[int], Array], moments: frozenset[int]
+    clocks: Sequence[Clock],
+    column: Callable[[int], Array],
+    moments: frozenset[int] = frozenset(),
 ) -> dict[str, Any]:
     """Time of a raw table by the best clock that runs, with notes: drivers leave headers empty.
 

@@ -4,6 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from dynid.recording.cells import factor_of, refuse_unit, taken_as_it_is
 from dynid.recording.columns import select
 from dynid.recording.headers import NotRecognised, match_headers
 from dynid.recording.names import parse_name, says_degrees
-from dynid.recording.table import ANGLES, RawTable, ReadOptions, rises
+from dynid.recording.table import ANGLES, RawTable, ReadOptions, rises, stamps_of
 
 SLICE = re.compile(r"(.+?)\[(?::\s*,)?\s*([\d:+]+)\s*\]")
 """A variable and some of its columns: `data[:,1:7]`."""
@@ -69,12 +70,12 @@ def _guess_variables(
                     )
                 # One vector a joint.
                 arrays[quantity] = np.column_stack([part.ravel() for part in parts])
-    clocks = [clock for clock in match.clocks if len(clock.columns) == 1]
     longest = max(arrays["q"].shape)
-    for clock in clocks:
-        path = paths[clock.columns[0]]
-        if variables[path].size == longest:
-            arrays["t"], labels["t"] = variables[path], path
+    for clock in match.clocks:
+        if all(variables[paths[k]].size == longest for k in clock.columns):
+            # Whole seconds and nanoseconds are two variables.
+            arrays["t"] = stamps_of((clock,), lambda k: variables[paths[k]].ravel())["t"]
+            labels["t"] = paths[clock.columns[0]]
             break
     return arrays, labels, list(match.notes)
 
@@ -126,7 +127,11 @@ def numbers_of(value: Any) -> Array | None:
         return np.atleast_1d(np.asarray(np.real(array), dtype=np.float64))
 
 
-def table_of(variables: Mapping[str, Array], options: ReadOptions) -> RawTable:
+def table_of(
+    variables: Mapping[str, Array],
+    options: ReadOptions,
+    names: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
+) -> RawTable:
     """A raw table from named arrays.
 
     Arrays may be (N, n), (n, N) or flat (N n, sample after sample): the length of the time
@@ -136,6 +141,7 @@ def table_of(variables: Mapping[str, Array], options: ReadOptions) -> RawTable:
         variables: Path (`rec.act_pos`) to array.
         options: Columns say quantity to variable path, `path[1:7]` for some columns of a
             matrix, or column numbers where there is one matrix only; None to go by the names.
+        names: Path to the joint names that stand there; those beside the positions count.
 
     Raises:
         RecordError: No variable at all, one that is not there, or shapes that do not fit together.
@@ -155,6 +161,9 @@ def table_of(variables: Mapping[str, Array], options: ReadOptions) -> RawTable:
             for name, path in options.columns.items()
         }
         arrays = {name: _pick(variables, name, path) for name, path in paths.items()}
+    beside = _names_beside(variables, paths["q"], names) if "q" in paths else ()
+    if beside and (joints is None or len(beside) > joints):
+        joints = len(beside)
     if clock := _leading_clock(arrays, joints):
         arrays = {name: _whole(value)[:, 1:] for name, value in arrays.items() if name != "t"}
         arrays["t"], paths["t"] = clock
@@ -201,9 +210,22 @@ def table_of(variables: Mapping[str, Array], options: ReadOptions) -> RawTable:
         time_scale=parse_name(paths["t"]).time_scale if "t" in paths else None,
         labels={name: (path,) * signals["q"].shape[1] for name, path in paths.items()},
         said=frozenset(said),
+        joint_names=beside if len(beside) == signals["q"].shape[1] else (),
         notes=tuple(notes),
         notices=tuple(notices),
     )
+
+
+def _names_beside(
+    variables: Mapping[str, Array], path: str, names: Mapping[str, tuple[str, ...]]
+) -> tuple[str, ...]:
+    """The joint names of a whole matrix of positions: those in its struct, or the only ones."""
+    if path not in variables or variables[path].ndim < 2:
+        return ()
+    stem = path.rpartition(".")[0]
+    near = [found for where, found in names.items() if where.rpartition(".")[0] == stem]
+    found = near or list(names.values())
+    return found[0] if len(found) == 1 and len(found[0]) in variables[path].shape else ()
 
 
 def _leading_clock(arrays: Mapping[str, Array], joints: int | None) -> tuple[Array, str] | None:

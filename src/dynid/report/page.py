@@ -248,6 +248,7 @@ def _torque(item: ReportedEstimate) -> dict[str, Any] | None:
     ]
     return {
         "rows": rows,
+        "unit": draw.joint_unit("N.m", robot.prismatic),
         "key": _markup(
             draw.key(draw.legend([mark for pair in panels for p in pair for mark in p.marks]))
         ),

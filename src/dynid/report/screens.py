@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from dynid.diagnosis import Answer
-from dynid.figures import number
+from dynid.figures import joint_unit, number
 from dynid.report.contents import ReportContents, ReportedEstimate, joint_labels
 from dynid.report.figures import MODEL_NAMES, MODEL_ROLES, worst_first
 
@@ -103,10 +103,14 @@ def purposes(item: ReportedEstimate) -> tuple[PurposeAnswer, ...]:
     if shown is not None:
         by_joint = shown.moving.relative_error_percent
         worst = worst_first(shown)[0]
-        fastest = float(np.abs(shown.dq).max())
+        slides = np.array(estimate.model.robot.prismatic)
+        # Of joints of both kinds, those that turn.
+        kind = slides if slides.all() else ~slides
+        fastest = float(np.abs(shown.dq[:, kind]).max())
+        speed = joint_unit("rad/s", slides[kind].tolist())
         detail = (
             f"Worst joint: {names[worst]} with {number(float(by_joint[worst]), 2)} %. "
-            f"Tested up to {number(fastest, 2)} rad/s."
+            f"Tested up to {number(fastest, 2)} {speed}."
         )
     relative = estimate.relative_std_percent
     precise = [k for k in range(len(relative)) if relative[k] <= PRECISE_PERCENT]

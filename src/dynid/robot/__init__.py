@@ -25,6 +25,8 @@ from dynid.robot.model import JointLimits as JointLimits
 from dynid.robot.model import RobotModel as RobotModel
 from dynid.robot.model import SafetyLimits as SafetyLimits
 from dynid.robot.model import Tool as Tool
+from dynid.robot.model import carried as carried
+from dynid.robot.model import with_carried as with_carried
 from dynid.robot.model import with_tool as with_tool
 from dynid.robot.robotfile import builtin_names as builtin_names
 from dynid.robot.transforms import PARAMETER_UNITS as PARAMETER_UNITS

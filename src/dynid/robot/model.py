@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from dynid.core import SMALLEST, Array, Mask, MotionBounds, RobotError, freeze, frozen
 from dynid.robot.body import Body
+from dynid.robot.transforms import from_body
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -356,6 +357,21 @@ def with_tool(
         mass, *com = np.asarray(payload, dtype=np.float64).tolist()
         tool = replace(tool, mass=mass, com=np.array(com))
     return robot if tool is robot.tool else replace(robot, tool=tool)
+
+
+def carried(robot: RobotModel) -> Array:
+    """(10) inertial parameters of the mass at the flange, a point, in the last joint's frame."""
+    place = robot.flange[:3, :3] @ robot.tool.com + robot.flange[:3, 3]
+    return from_body(robot.tool.mass, place, np.zeros((3, 3)))
+
+
+def with_carried(robot: RobotModel) -> RobotModel:
+    """The robot with the mass at the flange as a part of the last link, if that one's is known."""
+    if not robot.tool.mass or not robot.published[-1]:
+        return robot
+    inertias = np.array(robot.inertias)
+    inertias[-1] += carried(robot)
+    return replace(robot, inertias=inertias, tool=replace(robot.tool, mass=0.0, com=np.zeros(3)))
 
 
 def _rebuild(values: dict[str, Any]) -> RobotModel:

@@ -30,7 +30,7 @@ from dynid.robot.tables import (
     shown_path,
     tables,
 )
-from dynid.robot.transforms import from_body, from_xyz_rpy, move
+from dynid.robot.transforms import from_body, from_xyz_rpy, inverse, move
 from dynid.robot.urdf import MAX_BYTES as MAX_URDF
 from dynid.robot.urdf import robot_from_urdf
 from dynid.robot.urdf_bodies import with_collision_geometry
@@ -102,12 +102,33 @@ def _read_drives(rows: list[TomlTable], robot: RobotModel) -> dict[str, Any]:
 
 
 def _read_inertias(rows: list[TomlTable], robot: RobotModel) -> dict[str, Any]:
-    """Masses, centres of mass and tensors in frames of one convention."""
+    """Masses, centres of mass and tensors in frames of one convention.
+
+    What the table leaves out, or gives as nan, stays as the URDF has it.
+    """
     (table,), n = rows, robot.joints
     frames, mass = _frames(table, robot), table.numbers("mass", n, unknown=True)
     com = table.rows("com", n, 3, unknown=True) if "com" in table else np.full((n, 3), np.nan)
     six = table.rows("tensor", n, 6, unknown=True) if "tensor" in table else np.full((n, 6), np.nan)
-    return {"inertias": np.array([_body(mass[k], com[k], six[k], frames[k]) for k in range(n)])}
+    found: list[Array] = []
+    for k in range(n):
+        given = np.array([mass[k], *com[k], *six[k]])
+        held = _mass_centre_tensor(robot.inertias[k], inverse(frames[k]))
+        given = np.where(np.isnan(given), held, given)
+        found.append(_body(float(given[0]), given[1:4], given[4:], frames[k]))
+    return {"inertias": np.array(found)}
+
+
+def _mass_centre_tensor(row: Array, frame: Array) -> Array:
+    """(10) mass, centre of mass and central tensor in a frame, as far as they are known."""
+    mass = float(row[0])
+    if not mass > 0 or np.isnan(row[:4]).any():
+        return np.array([mass if mass > 0 else np.nan, *[np.nan] * 9])
+    row = move(row, frame)
+    centre = row[1:4] / mass
+    square = mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    offset = [square[a, b] for a, b in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))]
+    return np.concatenate([[mass], centre, row[4:] - np.array(offset)])
 
 
 def _read_counterbalances(rows: list[TomlTable], robot: RobotModel) -> dict[str, Any]:
@@ -241,8 +262,8 @@ def robot_from_toml(
     """A robot from the bytes of a robot file.
 
     Its path names the robot if it has no name, and is where a relative `urdf` path starts. With
-    `collision` a URDF's geometry is read where no bodies are given, its meshes from further folders
-    too.
+    `collision` a URDF's geometry is read of the links of which no bodies are given, its meshes from
+    further folders too.
 
     Raises:
         RobotError: Anything that is not a sound robot file; names table and key.
@@ -250,8 +271,11 @@ def robot_from_toml(
     with located(shown_path(path)):
         top = TomlTable(parse_toml(data), "", "", _TOP)
         robot = _kinematics(top, path)
-        if collision and robot.urdf and not ("body" in top or "capsule" in top):
-            robot = with_collision_geometry(robot, Path(robot.urdf), mesh_dirs=mesh_dirs)
+        if collision and robot.urdf:
+            given = _links_with_bodies(top, robot)
+            robot = with_collision_geometry(
+                robot, Path(robot.urdf), mesh_dirs=mesh_dirs, apart_from=given
+            )
         if "joint_names" in top:
             names = top.texts("joint_names", robot.joints)
             robot = replace(robot, joint_names=names, urdf="")
@@ -271,6 +295,19 @@ def robot_from_toml(
             robot = replace(robot, default_frames=top.text("frames", FRAMES))
         robot = replace(robot, source="; ".join(top.sources("") + sources))
         return robot
+
+
+def _links_with_bodies(top: TomlTable, robot: RobotModel) -> set[int]:
+    """Links (0 the base) whose collision bodies are those of the robot file."""
+    renamed = "joint_names" in top
+    names = top.texts("joint_names", robot.joints) if renamed else robot.joint_names
+    links, found = ("base", *names), set[int]()
+    for name in ("body", "capsule"):
+        if name in top:
+            with located(name):
+                rows = tables(top.raw(name), name, "", _READERS[name][0])
+                found |= {links.index(row.text("link", links)) for row in rows}
+    return found
 
 
 def _kinematics(top: TomlTable, path: Path) -> RobotModel:

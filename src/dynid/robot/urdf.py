@@ -410,7 +410,7 @@ def _merge(
             inertias[body] = np.nan_to_num(inertias[body]) + move(own, poses[link])
     for name, row in zip(trunk.joints, inertias, strict=True):
         if np.isnan(row).any():
-            notes.append(f"no inertia is given for the link moved by joint {printable(name)}")
+            notes.append(f"the URDF has no inertia of the link moved by joint {printable(name)}")
         elif not is_physical(row):
             link = f"the link moved by joint {printable(name)}"
             notes.append(f"the inertia of {link} is not physically consistent")

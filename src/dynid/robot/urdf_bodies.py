@@ -8,7 +8,7 @@ import math
 import os
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -119,13 +119,18 @@ class UrdfShape:
 
 
 def with_collision_geometry(
-    robot: RobotModel, path: Path, *, mesh_dirs: Sequence[Path] = ()
+    robot: RobotModel,
+    path: Path,
+    *,
+    mesh_dirs: Sequence[Path] = (),
+    apart_from: Collection[int] = (),
 ) -> RobotModel:
     """The robot with bodies that hold the `collision` elements of its URDF.
 
-    Of links without any such element the `visual` ones are held where they reach beyond the bodies
-    of the links they are fixed to: a note says so. Meshes are looked for in further folders too;
-    there is a body note for every element that was left out.
+    Those of what the joints numbered `apart_from` move (0 the base) are left out. Of links without
+    any such element the `visual` ones are held where they reach beyond the bodies of the links they
+    are fixed to: a note says so. Meshes are looked for in further folders too; there is a body note
+    for every element that was left out.
 
     Raises:
         RobotError: The file is not the robot's.
@@ -137,7 +142,11 @@ def with_collision_geometry(
     lost: list[tuple[str, str]] = []
     count = Counter[str]()
     shapes, seen = (
-        list(urdf_shapes(robot, path, kind, mesh_dirs=mesh_dirs))
+        [
+            item
+            for item in urdf_shapes(robot, path, kind, mesh_dirs=mesh_dirs)
+            if item.link not in apart_from
+        ]
         for kind in ("collision", "visual")
     )
     given = {item.name for item in shapes}

@@ -312,6 +312,10 @@ def _joint(
     )
 
 
+UNLIMITED = 1e4
+"""Files write such a velocity, or a larger one, where they know no limit [rad/s or m/s]."""
+
+
 def _limits(
     found: ET.Element | None, kind: str, name: str, where: str, notes: list[str]
 ) -> tuple[float, float, float, float]:
@@ -328,6 +332,9 @@ def _limits(
         lower = upper = nan
     speed = read_bound(found, "velocity", where)
     effort = read_bound(found, "effort", where)
+    if speed >= UNLIMITED:
+        notes.append(f"joint {printable(name)}: velocity limit of {speed:.4g} read as unknown")
+        speed = nan
     # Zero or less is how files say that they do not know.
     return lower, upper, speed if speed > 0 else nan, effort if effort > 0 else nan
 

@@ -6,7 +6,7 @@ Text from files and robots is made printable here; the page writes it as text, n
 import base64
 import math
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -115,10 +115,12 @@ def scene_shapes(editor: SceneEditor) -> dict[str, Any]:
     return {"changes": editor.changes, "shapes": shapes}
 
 
-def instant_facts(worst: Mapping[str, Worst], near: Sequence[Near]) -> dict[str, Any]:
-    """Limits and nearest bodies at one instant."""
+def instant_facts(
+    worst: Mapping[str, Worst], near: Sequence[Near], sliding: Collection[str] = ()
+) -> dict[str, Any]:
+    """Limits and nearest bodies at one instant; `sliding` joints by name."""
     return {
-        "margins": margins(worst),
+        "margins": margins(worst, sliding),
         "near": [
             {
                 "names": printable(item.names),
@@ -132,10 +134,17 @@ def instant_facts(worst: Mapping[str, Worst], near: Sequence[Near]) -> dict[str,
     }
 
 
-def margins(worst: Mapping[str, Worst]) -> list[dict[str, Any]]:
+def sliding_joints(model: RobotModel) -> frozenset[str]:
+    """The names of the joints whose numbers are in metres and newtons."""
+    pairs = zip(model.joint_names, model.prismatic, strict=True)
+    return frozenset(name for name, slides in pairs if slides)
+
+
+def margins(worst: Mapping[str, Worst], sliding: Collection[str] = ()) -> list[dict[str, Any]]:
     """Every limit that is judged in one form: which share of it is used.
 
-    The share of a distance is what it needs over what it keeps.
+    The share of a distance is what it needs over what it keeps. Limits of `sliding` joints have
+    their units.
     """
     rows: list[dict[str, Any]] = []
     for kind in (*RATIOS, *DISTANCES):
@@ -143,6 +152,8 @@ def margins(worst: Mapping[str, Worst]) -> list[dict[str, Any]]:
         if item is None or math.isnan(item.margin):
             continue
         name, unit = KINDS[kind]
+        if item.what in sliding:
+            unit = unit.replace("rad", "m").replace("N·m", "N")
         used, scale = 1.0 - item.margin, 1.0
         if item.distance:
             scale = 1000.0
@@ -182,7 +193,7 @@ def verdict(session: Session) -> dict[str, Any] | None:
     return {
         "level": level,
         "words": printable(words, 300),
-        "margins": margins(made.worst),
+        "margins": margins(made.worst, sliding_joints(session.robot)),
         "unjudged": [printable(f"{one.message}. {one.next_step}", 300) for one in made.unjudged],
         "notes": [printable(note, 300) for note in made.assumed],
     }

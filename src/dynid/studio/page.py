@@ -250,7 +250,7 @@ class Page:
             q = asked.vector("q")
             dq = asked.vector("dq") if asked.get("dq") is not None else np.zeros(len(q))
             ddq = np.zeros(len(q))
-        return facts.instant_facts(*session.look(q, dq, ddq))
+        return facts.instant_facts(*session.look(q, dq, ddq), facts.sliding_joints(session.robot))
 
     def _add_shape(self, asked: JsonFields) -> dict[str, Any]:
         with self.session.lock:

@@ -108,7 +108,8 @@ def corner_normals(vertices: Array, faces: Indices, *, crease: float) -> Array:
     wide = np.cross(second - first, third - first)
     unit: Array = wide / (np.linalg.norm(wide, axis=1, keepdims=True) + 1e-30)
     _, welded = np.unique(np.round(vertices, 6), axis=0, return_inverse=True)
-    place = welded.ravel()[faces.ravel()]
+    # Numbered without gaps: vertices of no face have no corners.
+    _, place = np.unique(welded.ravel()[faces.ravel()], return_inverse=True)
     order = np.argsort(place, kind="stable")
     _, start, count = np.unique(place[order], return_index=True, return_counts=True)
     many = count[place]

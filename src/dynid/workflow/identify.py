@@ -18,7 +18,7 @@ from dynid.core import Finding, InputError, Progress, Workers, one_thread, plain
 from dynid.diagnosis import USELESS_PREDICTION, Verdict, diagnose, judge
 from dynid.export import simulator_obstacle
 from dynid.identification import Estimate
-from dynid.robot import RobotLike, RobotModel, load_robot
+from dynid.robot import RobotLike, RobotModel, load_robot, with_carried
 from dynid.settings import IdentifySettings
 from dynid.trajectory import JointMotion
 from dynid.validation import MOVING_SPEED, ValidationResult, another_robot, reproduce, validate
@@ -195,7 +195,7 @@ def identify(
         JobError: A singular problem.
     """
     settings = settings or IdentifySettings()
-    robot = load_robot(robot, mount=settings.mount)
+    robot = with_carried(load_robot(robot, mount=settings.mount))
     # The same result whatever the order of the files.
     several = sorted(
         recording.open_any(recording.as_list(records), robot), key=recording.fingerprint
