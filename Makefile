@@ -4,6 +4,8 @@
 VENV := .venv
 BIN := $(VENV)/bin
 # What users need, and the tools of developers on top of it.
+LIBRARY := $(VENV)/.library-installed
+COMPILED := $(VENV)/.compiled
 USER := $(VENV)/.user-installed
 DEV := $(VENV)/.dev-installed
 PYTHON ?= $(shell for p in python3.12 python3.11 python3.13 python3; do \
@@ -17,20 +19,27 @@ PATHS := src tests urtwin docs benchmarks examples README.md CHANGELOG.md CONTRI
 
 .PHONY: install develop prepared chromium demo test lint types floors share-1 share-2 share-3 realtime bench proof rivals site readme clean
 
-install: $(USER)
+install:
+	@$(MAKE) --no-print-directory --output-sync -j 2 $(USER) $(COMPILED)
 
-develop: $(DEV)
+develop: $(DEV) $(COMPILED)
 
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "dynid needs Python 3.11 to 3.13; name one: make PYTHON=/path/to/python" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
-# Numba compiles once a machine: beside the downloads, not in the middle of a demo or a test.
 # Python compiles only what is imported, when it is: 15 s of CPU less for users and developers each.
-$(USER): pyproject.toml urtwin/pyproject.toml | $(BIN)/python
+$(LIBRARY): pyproject.toml urtwin/pyproject.toml | $(BIN)/python
 	$(PIP) --no-compile -e .
-	@$(BIN)/dynid design ur5 -o $(VENV)/first.json --starts 2 --jobs 2 --force >/dev/null 2>&1 & \
-	$(PIP) --no-compile 'dynid[sim,sdp]' -e ./urtwin && wait
+	@touch $@
+
+$(USER): $(LIBRARY)
+	$(PIP) --no-compile 'dynid[sim,sdp]' -e ./urtwin
+	@touch $@
+
+# Numba compiles once a machine: beside the downloads, not in the middle of a demo or a test.
+$(COMPILED): $(LIBRARY)
+	@$(BIN)/dynid design ur5 -o $(VENV)/first.json --starts 1 --jobs 1 --force >/dev/null 2>&1
 	@touch $@
 
 # By its name: dynid is there already, and to build it again takes 6 s.
@@ -47,7 +56,7 @@ test: prepared lint floors
 
 # The packages of Python and of Debian beside each other.
 prepared:
-	$(MAKE) --no-print-directory --output-sync -j 2 develop chromium
+	$(MAKE) --no-print-directory --output-sync -j 3 develop chromium
 
 # Reports and the studio are tested in a real browser. Without it, and without the right to install
 # it, those tests are skipped and say so. What it recommends are 90 packages: printing, Samba, Perl.

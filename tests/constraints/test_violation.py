@@ -1,8 +1,11 @@
+import pickle
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from chains_for_constraints import random_arm, random_states
+from numba.core.dispatcher import Dispatcher
 
 from dynid.constraints import ConstraintSettings, MotionConstraints, Scene, scene_from_json
 from dynid.core import JsonFields
@@ -136,6 +139,24 @@ def test_known_distances_spare_work_and_change_nothing(rows: int) -> None:
         assert max(looked[1:]) < 0.7 * looked[0]
     capped = around.bodies.violation(q, pairs, wide, most=found[0] / 4)[0]
     assert found[0] / 4 < capped < found[0]
+
+
+def _compiled() -> dict[str, int]:
+    """How often Numba has compiled each kernel of dynid."""
+    own = [module for name, module in sys.modules.items() if name.startswith("dynid.")]
+    things = {name: thing for module in own for name, thing in vars(module).items()}
+    return {name: len(k.signatures) for name, k in things.items() if isinstance(k, Dispatcher)}
+
+
+def test_what_workers_judge_with_needs_no_second_compilation() -> None:
+    robot = load_robot("ur5")
+    judge, state = everything(robot), random_states(robot.joints, 20, 5)
+    there = pickle.loads(pickle.dumps(judge))
+    total, *_ = judge.violation(*state)
+    before = _compiled()
+    assert before["_violation"]
+    assert there.violation(*state)[0] == total
+    assert _compiled() == before
 
 
 def test_tightening_shrinks_every_limit() -> None:

@@ -52,7 +52,7 @@ def arm_geometry(robot: RobotModel) -> ArmGeometry:
     slide = slides * (turn @ robot.axes[:, :, None])[:, :, 0]
     rows = np.hstack([*(part.reshape(n, 9) for part in turns), place, slide, robot.axes])
     return ArmGeometry(
-        joints=read_only(rows),
+        joints=rows,  # Writable, as they come to a worker: see `samples_of`.
         prismatic=np.array(robot.prismatic, dtype=np.intp),
         offsets=read_only(np.linalg.norm(place, axis=1)),
     )

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from dynid.core import Array, read_only
+from dynid.core import Array
 from dynid.regressor.spatial import (
     LANES,
     dot,
@@ -266,9 +266,8 @@ def chain_constants(robot: RobotModel, frames: str) -> ChainConstants:
     axes, places = own[:, :, 0], place[:, :, 0]
     turned = np.concatenate([axes, np.cross(axes, places)], axis=1)
     screws = np.where(slides, np.concatenate([np.zeros((n, 3)), axes], axis=1), turned)
-    return ChainConstants(
-        geometry=read_only(geometry), screws=read_only(screws), gravity=robot.gravity
-    )
+    # Writable, as they come to a worker: Numba compiles all kernels once more for read-only arrays.
+    return ChainConstants(geometry=geometry, screws=screws, gravity=robot.gravity.copy())
 
 
 def inertial_columns(constants: ChainConstants, state: Array, out: Array) -> None:

@@ -115,7 +115,7 @@ def friction_state(q: Array, displacement: Array, *, periodic: bool = False) -> 
     samples = q.shape[1]
     if not samples:
         return np.zeros(q.shape)
-    whole = np.concatenate([q, q], axis=1) if periodic else np.array(q, order="C")
+    whole = np.array(np.concatenate([q, q], axis=1) if periodic else q, order="C")
     state = np.zeros(whole.shape)
     _follow(whole, np.array(displacement), state)
     return state[:, -samples:]

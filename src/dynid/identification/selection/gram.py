@@ -143,7 +143,7 @@ class NormalEquations:
         """(n, C) sums of squared errors of values (C, s), or (1, s) for all cells alike."""
         found = np.empty(self._blocks.shape[:2])
         for errors, products, pick in zip(found, self._blocks, self._picks, strict=True):
-            _sum_errors(errors, products, pick.columns, pick.torque, values[:, pick.unknowns])
+            _sum_errors(errors, products, pick.columns, pick.torque, values.take(pick.unknowns, 1))
         return np.maximum(found, 0.0)
 
 
