@@ -14,6 +14,8 @@ from hypothesis import settings
 # it over.
 for _library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+# Nothing is drawn: MuJoCo need not load a window system in each controller.
+os.environ.setdefault("MUJOCO_GL", "disable")
 
 # Shells start commands in the background with Ctrl-C ignored, and children take that over: tests
 # that interrupt would wait for nothing.

@@ -24,7 +24,7 @@ from dynid.diagnosis import (
 from dynid.diagnosis.diagnose import finding_of, recording_of
 from dynid.diagnosis.events import torque_deviations
 from dynid.diagnosis.hypotheses import hypotheses
-from dynid.diagnosis.residual import fits, inertial_prior, reference
+from dynid.diagnosis.residual import correlation_length, fits, inertial_prior, reference
 from dynid.recording import ExperimentRecord, RecordMetadata
 from dynid.robot import load_robot, robot_from_chain, with_mount
 from dynid.signals import ProcessingSettings, process
@@ -449,6 +449,21 @@ def test_torques_are_as_unsure_as_parameters_leave_them(tmp_path: Path) -> None:
         error = np.tensordot(values - truth, ref.columns, axes=1).T
         ratios.append(error / torque_deviations(now, values)[: len(error)])
     assert 0.7 < np.sqrt(np.square(ratios).mean()) < 1.2
+
+
+@pytest.mark.parametrize(("systematic", "noise"), [(0.0, 1.0), (0.5, 1.0), (1.0, 0.3)])
+def test_repetitions_average_noise_alone(systematic: float, noise: float) -> None:
+    """What a model leaves in each repetition of a motion is not new evidence in the next."""
+    period, repetitions, generator = 150, 10, np.random.default_rng(0)
+    angle = 2 * np.pi * np.arange(period * repetitions) / period
+    column, sizes, variances = np.sin(angle) + np.cos(3 * angle), [], []
+    for _ in range(300):
+        error = np.tile(systematic * generator.normal(size=period), repetitions)
+        error += noise * generator.normal(size=error.shape)
+        sizes.append(column @ error / (column @ column))
+        length = correlation_length(error[None], period)[0]
+        variances.append(np.square(error).mean() * length / (column @ column))
+    assert np.mean(np.square(sizes)) == pytest.approx(np.mean(variances), rel=0.35)
 
 
 @pytest.mark.parametrize(

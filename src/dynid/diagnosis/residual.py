@@ -24,6 +24,7 @@ from dynid.regressor import (
     motor_turns,
 )
 from dynid.robot import RobotModel, from_pseudo_inertia, inverse, move, to_pseudo_inertia
+from dynid.signals import find_period
 
 BLOCKS = 8
 """Contiguous parts of a record that are left out in turn."""
@@ -187,6 +188,8 @@ class Reference:
     """(10 n) inertial parameters that the load of friction is taken from."""
     shapes: slice
     """The friction columns beside the viscous ones: how far they spread is measured."""
+    period: int
+    """Rows after which the motion repeats; 0 where it does not."""
 
     def left(self, values: Array) -> Array:
         """(n, T) torques that parameters (p) leave, zero where they do not belong to the motion."""
@@ -278,6 +281,7 @@ def reference(
     rest = np.arange(10 * n, len(columns))
     precision[rest, rest] = 1 / np.square(own)
     known = recording.model.known_torque(recording.q).T
+    rate_hz = (len(recording.t) - 1) / (recording.t[-1] - recording.t[0])
     return Reference(
         recording=recording,
         columns=columns,
@@ -286,6 +290,7 @@ def reference(
         precision=precision,
         load=load,
         shapes=shapes,
+        period=round((find_period(recording.q, rate_hz) or 0.0) * rate_hz / recording.block),
     )
 
 
@@ -397,24 +402,30 @@ class Fits:
         return 0.5 * (float(away @ self.precision @ away) + spread)
 
 
-def correlation_length(error: Array) -> Array:
+def correlation_length(error: Array, period: int) -> Array:
     """(n) rows that count as one, from the autocorrelation of errors (n, T).
 
     The longer of two: errors that drift are seldom new, and of errors that swing (gears that
-    vibrate) their power is (Bartlett 1935), though their sum soon vanishes.
+    vibrate) their power is (Bartlett 1935), though their sum soon vanishes. Repetitions of a
+    motion average the noise alone, not what the model leaves in each of them.
     """
     count = error.shape[1]
-    lags = count // 4
+    lags = max(1, min(count, 2 * period or count) // 4)
     # Zeros enough that no lag that is read wraps around.
     size = 1 << (count + lags).bit_length()
     spectra = np.fft.rfft(error - error.mean(axis=1, keepdims=True), size)
     products = np.fft.irfft(np.square(np.abs(spectra)))[:, :lags]
+    alike = np.ones(len(error))
+    if period:
+        again = (error[:, period:] * error[:, :-period]).mean(axis=1)
+        share = again / np.maximum(np.square(error).mean(axis=1), 1e-300)
+        alike += (count / period - 1) * np.clip(share, 0.0, 1.0)
     out = np.ones(len(error))
     for j, auto in enumerate(products / np.maximum(products[:, :1], 1e-300)):
         stop = int(np.argmax(auto < 0.05)) or lags
-        power = np.square(auto[1:]) - 1 / count
+        power = np.square(auto[1:]) - alike[j] / count
         out[j] = max(1.0, 1 + 2 * float(auto[1:stop].sum()), 1 + 2 * float(power.sum()))
-    return out
+    return out * alike
 
 
 def sums_of(ref: Reference, *added: Array) -> Array:
@@ -478,7 +489,7 @@ def settled(ref: Reference, found: Fits, sweeps: int) -> tuple[Fits, Array]:
         right = np.asarray(total[:p, -1] + found.precision @ found.mean, dtype=np.float64)
         values = covariance @ right
         error = ref.left(values)
-        length = correlation_length(error)
+        length = correlation_length(error, ref.period)
         variance = np.maximum(np.square(error).sum(axis=1) / found.rows, least)
         precision = found.precision.copy()
         held = np.sum(found.precision[:links, :links] * covariance[:links, :links], axis=1)
