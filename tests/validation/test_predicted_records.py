@@ -106,7 +106,7 @@ def test_faster_motions_are_extrapolated_and_named() -> None:
     result = validate_samples(estimate(), samples(speed=1.5))
     (notice,) = [n for n in result.warnings if n.code == "extrapolated"]
     name = estimate().model.robot.joint_names[0]
-    assert f"{name} speed 1.6 against 1.1" in notice.message
+    assert f"{name} speed 1.6 against 1.1 rad/s" in notice.message
     # Four facts are enough.
     assert notice.message.count(" against ") == 4
 
@@ -118,6 +118,13 @@ def test_places_a_little_beyond_are_still_known(share: float, beyond: bool, side
     known = estimate().motion
     away = replace(moved, q=moved.q + side * share * (known.upper - known.lower))
     assert ("extrapolated" in _codes(validate_samples(estimate(), away))) == beyond
+
+
+def test_a_place_that_no_torque_depends_on_is_not_extrapolated() -> None:
+    # The UR5 stands upright: its first joint turns about gravity.
+    here = samples()
+    turned = replace(here, q=here.q + np.array([2.0, 0, 0, 0, 0, 0]))
+    assert "extrapolated" not in _codes(validate_samples(estimate(), turned))
 
 
 def test_motions_elsewhere_are_extrapolated() -> None:

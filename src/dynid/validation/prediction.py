@@ -18,6 +18,7 @@ from dynid.identification import (
     open_estimate,
 )
 from dynid.recording import ExperimentRecord, RecordLike, RecordMetadata, identity, open_record
+from dynid.reduction import random_states
 from dynid.robot import RobotModel, builtin_names, joint_poses, load_robot
 from dynid.signals import (
     ProcessingSettings,
@@ -380,23 +381,30 @@ def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:
 
 
 def _extrapolated(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
-    known = estimate.motion
-    names = estimate.model.robot.joint_names
+    known, model = estimate.motion, estimate.model
+    names = model.robot.joint_names
+    units = ["m" if slides else "rad" for slides in model.robot.prismatic]
     found: list[str] = []
-    for values, limit, what in (
-        (samples.dq, known.speed, "speed"),
-        (samples.ddq, known.acceleration, "acceleration"),
+    for values, limit, what, per in (
+        (samples.dq, known.speed, "speed", "/s"),
+        (samples.ddq, known.acceleration, "acceleration", "/s^2"),
     ):
         reached = np.percentile(np.abs(values), 99.5, axis=0)
         for j in np.flatnonzero(reached > EXTRAPOLATION * limit):
-            found.append(f"{names[j]} {what} {reached[j]:.2g} against {limit[j]:.2g}")
+            text = f"{names[j]} {what} {reached[j]:.2g} against {limit[j]:.2g} {units[j]}{per}"
+            found.append(text)
     margin = (EXTRAPOLATION - 1) * (known.upper - known.lower)
     low, high = np.percentile(samples.q, [0.25, 99.75], axis=0)
+    q, *rates = random_states(model.robot, 3, 0)
+    w = model.observation_matrix(q, *rates)
     for j in np.flatnonzero((low < known.lower - margin) | (high > known.upper + margin)):
-        found.append(
-            f"{names[j]} position {low[j]:.2g} to {high[j]:.2g} against "
-            f"{known.lower[j]:.2g} to {known.upper[j]:.2g}"
-        )
+        # Where a joint stands says nothing if it turns about gravity and nothing carries it.
+        turned = model.observation_matrix(q + 0.5 * (np.arange(q.shape[1]) == j), *rates)
+        if not np.allclose(turned, w, rtol=0.0, atol=SAME_TORQUE * np.abs(w).max()):
+            found.append(
+                f"{names[j]} position {low[j]:.2g} to {high[j]:.2g} against "
+                f"{known.lower[j]:.2g} to {known.upper[j]:.2g} {units[j]}"
+            )
     if not found:
         return ()
     return (
@@ -405,6 +413,10 @@ def _extrapolated(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
             "this record exceeds the range of the identification: " + "; ".join(found[:4]),
         ),
     )
+
+
+SAME_TORQUE = 1e-9
+"""Of the largest: columns that differ by less are the same."""
 
 
 def _at_rest(estimate: Estimate, moving: Mask) -> tuple[Finding, ...]:
