@@ -348,6 +348,15 @@ def test_an_arm_without_any_mass_is_unknown_and_not_weightless() -> None:
     assert np.isfinite(_serial([3, 0, 0], 0.0, 0.0, "0 0 0").inertias).all()
 
 
+def test_links_without_inertia_are_one_note() -> None:
+    links = "".join(f'<link name="{name}"/>' for name in "abc")
+    text = "".join(joint(f"j{a}", a, b, inside='<axis xyz="0 0 1"/>') for a, b in ("ab", "bc"))
+    notes = robot_from_urdf(f'<robot name="arm">{links}{text}</robot>'.encode()).notes
+    assert [note for note in notes if "inertia" in note] == [
+        "the URDF has no inertia of links moved by ja, jb"
+    ]
+
+
 def test_placeholders_of_inertias_are_unknown() -> None:
     assert _published([1, 1, 1, 1], 1.0, 1.0, "0 0 0") == [0, 0, 0, 0]
     assert _published([1, 1, 1], 0.01, 0.02, "0 0 0") == [0, 0, 0]

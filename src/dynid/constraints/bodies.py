@@ -163,10 +163,9 @@ def surroundings_of(
     notes += bare
     if scene.shapes and not any(body.link for body in moving):
         raise InputError(
-            "a scene needs a robot with collision bodies",
+            "no moving link has a collision body to judge against the scene",
             where=robot.name,
-            value="no bodies",
-            next_step="Add [[body]] tables to a robot file, or collision geometry to a URDF.",
+            next_step=GIVE_SHAPES,
         )
     if not moving:
         return None
@@ -232,6 +231,11 @@ def _own_pairs(moving: tuple[Body, ...], arm: int) -> list[tuple[int, int]]:
         for b, outer in enumerate(moving)
         if outer.link - inner.link >= (1 if b >= arm else 2)
     ]
+
+
+GIVE_SHAPES = (
+    "Give its links shapes that fit: [[capsule]] in a robot file, or meshes (--mesh-dir DIR)."
+)
 
 
 def not_held(robot: RobotModel) -> tuple[str, ...]:

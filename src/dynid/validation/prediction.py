@@ -395,11 +395,13 @@ def _extrapolated(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
             found.append(text)
     margin = (EXTRAPOLATION - 1) * (known.upper - known.lower)
     low, high = np.percentile(samples.q, [0.25, 99.75], axis=0)
-    q, *rates = random_states(model.robot, 3, 0)
-    w = model.observation_matrix(q, *rates)
+    q, dq, ddq = random_states(model.robot, 3, 0)
+    w = model.observation_matrix(q, dq, ddq)
     for j in np.flatnonzero((low < known.lower - margin) | (high > known.upper + margin)):
         # Where a joint stands says nothing if it turns about gravity and nothing carries it.
-        turned = model.observation_matrix(q + 0.5 * (np.arange(q.shape[1]) == j), *rates)
+        turned = q.copy()
+        turned[:, j] += 0.5
+        turned = model.observation_matrix(turned, dq, ddq)
         if not np.allclose(turned, w, rtol=0.0, atol=SAME_TORQUE * np.abs(w).max()):
             found.append(
                 f"{names[j]} position {low[j]:.2g} to {high[j]:.2g} against "
