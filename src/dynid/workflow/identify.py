@@ -195,7 +195,7 @@ def identify(
         JobError: A singular problem.
     """
     settings = settings or IdentifySettings()
-    robot = with_carried(load_robot(robot, mount=settings.mount))
+    robot = with_carried(load_robot(robot, mount=settings.mount, collision=False))
     # The same result whatever the order of the files.
     several = sorted(
         recording.open_any(recording.as_list(records), robot), key=recording.fingerprint
