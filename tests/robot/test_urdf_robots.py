@@ -334,11 +334,15 @@ def _published(masses: Sequence[float], ixx: float, iyy: float, com: str) -> lis
 
 
 def _serial(masses: Sequence[float], ixx: float, iyy: float, com: str) -> RobotModel:
+    return robot_from_urdf(_chain_of(masses, ixx, iyy, com).encode())
+
+
+def _chain_of(masses: Sequence[float], ixx: float, iyy: float, com: str) -> str:
     links = "".join(
         _BODY.format(k=k + 1, p=k, mass=mass, ixx=ixx, iyy=iyy, com=com)
         for k, mass in enumerate(masses)
     )
-    return robot_from_urdf(f'<robot name="arm"><link name="l0"/>{links}</robot>'.encode())
+    return f'<robot name="arm"><link name="l0"/>{links}</robot>'
 
 
 def test_an_arm_without_any_mass_is_unknown_and_not_weightless() -> None:
@@ -362,6 +366,13 @@ def test_placeholders_of_inertias_are_unknown() -> None:
     assert _published([1, 1, 1], 0.01, 0.02, "0 0 0") == [0, 0, 0]
     # Masses of a data sheet, and centres, beside one tensor for all.
     assert _published([7, 5, 3], 0.3, 0.3, "0.1 0 0") == [4, 4, 4]
+    # The true link is fixed to a dummy, as in the arms of a PR2.
+    dummies = _chain_of([0.1, 0.1, 0.1], 0.01, 0.01, "0 0 0")
+    true = _BODY.format(k=9, p=1, mass=6, ixx=0.1, iyy=0.2, com="0.2 0 0")
+    fixed = true.replace('type="revolute"', 'type="fixed"')
+    held = robot_from_urdf(dummies.replace("</robot>", f"{fixed}</robot>").encode())
+    assert np.isfinite(held.inertias).all(axis=1).tolist() == [True, True, True]
+    assert held.inertias[0, 0] == pytest.approx(6.1)
     # Modules of one kind are true, and so may two bodies be.
     assert _published([2, 2, 2], 0.01, 0.02, "0.1 0 0") == [10, 10, 10]
     assert _published([1, 1], 0.01, 0.01, "0 0 0") == [10, 10]

@@ -118,6 +118,8 @@ _NEAR = 2
 """Links this far apart, or from the base: all their poses can be searched."""
 _SURE = 0.001
 """Bodies that are proven to keep this distance cannot meet [m]."""
+_TOUCHING = 1e-9
+"""Bodies no farther apart touch [m]."""
 _MOSTLY = 0.5
 """Share of poses beyond which bodies of near links say more of themselves than of the arm."""
 _POSES = 400
@@ -281,7 +283,8 @@ def _free_pairs(
         what = f"{names[a]} and {names[b]}"
         most = float(row.max())
         clearance = min(settings.self_clearance, max(most, 0.0) / 2)
-        share = float((row <= clearance).mean())
+        # Bodies in one another are nothing apart, but for rounding.
+        share = float((row <= max(clearance, _TOUCHING)).mean())
         if gap[k] <= _NEAR and _proven(bodies, a, b, row, settings, _SURE):
             continue
         if share == 1.0 and b >= arm and gap[k] > 1:

@@ -420,7 +420,13 @@ def _merge(
     if (inertias[:, 0] == 0).any() and not (inertias[:, 0] > 0).any():
         inertias[:] = np.nan
         notes.append("no link that moves has a mass: all are taken as unknown")
-    copied = _copied([tree.links[tree.joints[name].child] for name in trunk.joints])
+    links = [tree.links[tree.joints[name].child] for name in trunk.joints]
+    # A dummy that the true link is fixed to says nothing about that link.
+    main = [
+        None if own is None or own[0] < row[0] / 2 else own
+        for own, row in zip(links, inertias, strict=True)
+    ]
+    copied = _copied(main)
     for body, first in copied.items():
         inertias[body, first:] = np.nan
     if copied:
