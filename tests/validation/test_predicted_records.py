@@ -69,6 +69,17 @@ def test_moving_and_resting_samples_are_told_apart_joint_by_joint() -> None:
     assert result.moving.samples + result.at_rest.samples == pytest.approx(2000, abs=1)
 
 
+def test_a_slow_joint_moves_below_the_speed_of_others() -> None:
+    made = estimate()
+    limits = made.model.robot.limits
+    slow = replace(limits, velocity=limits.velocity * np.array([0.004, 1, 1, 1, 1, 1]))
+    robot = replace(made.model.robot, limits=slow)
+    here = replace(made, model=replace(made.model, robot=robot))
+    result = validate_samples(here, replace(samples(), dq=0.004 * samples().dq))
+    assert result.moves[:, 0].mean() > 0.7
+    assert not result.moves[:, 1:].any()
+
+
 def test_a_joint_that_always_moves_has_no_error_at_rest() -> None:
     whole = samples(0.5)
     # Away from every turning point of joint 1.

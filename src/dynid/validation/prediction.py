@@ -32,6 +32,8 @@ from dynid.validation.comparison import TransferReport, transfer_report
 
 MOVING_SPEED = 0.02
 """A joint moves above this speed [rad/s or m/s]; below it friction hides the torque."""
+MOVING_SHARE = 0.1
+"""Or above this share of its velocity limit, where that is less: a lift makes 0.01 m/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,6 +179,8 @@ class ValidationResult:
     """(N) time from the start of the window [s]."""
     dq: Array
     """(N, n) velocities [rad/s or m/s]."""
+    moves: Mask
+    """(N, n) whether the joint moves."""
     measured: Array
     """(N, n) measured joint torques, not filtered [N.m or N]."""
     predicted: Array
@@ -366,10 +370,13 @@ def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:
     rows = samples.rows
     predicted = read_only(samples.as_recorded(model.T).T[rows])
     measured, dq = samples.tau[rows], samples.dq[rows]
-    moving = np.abs(dq) > MOVING_SPEED
+    limits = estimate.model.robot.limits
+    moving = np.abs(dq) > np.fmin(MOVING_SPEED, MOVING_SHARE * limits.velocity)
+    moving.setflags(write=False)
     return ValidationResult(
         t=samples.t[rows],
         dq=dq,
+        moves=moving,
         measured=measured,
         predicted=predicted,
         metrics=metrics(measured, predicted),
