@@ -406,10 +406,10 @@ def _extrapolated(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
     w = model.observation_matrix(q, dq, ddq)
     for j in np.flatnonzero((low < known.lower - margin) | (high > known.upper + margin)):
         # Where a joint stands says nothing if it turns about gravity and nothing carries it.
-        turned = q.copy()
-        turned[:, j] += 0.5
-        turned = model.observation_matrix(turned, dq, ddq)
-        if not np.allclose(turned, w, rtol=0.0, atol=SAME_TORQUE * np.abs(w).max()):
+        moved = q.copy()
+        moved[:, j] += 0.5
+        change = model.observation_matrix(moved, dq, ddq) - w
+        if np.abs(change).max() > SAME_TORQUE * np.abs(w).max():
             found.append(
                 f"{names[j]} position {low[j]:.2g} to {high[j]:.2g} against "
                 f"{known.lower[j]:.2g} to {known.upper[j]:.2g} {units[j]}"
