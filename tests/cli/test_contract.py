@@ -301,6 +301,16 @@ def test_what_is_no_design_is_said_in_words(
     assert "(char" not in outcome.err
 
 
+def test_only_what_is_unjudged_is_called_not_judged(run: Run, tmp_path: Path) -> None:
+    path, limits = tmp_path / "slow.json", dynid.load_robot("ur5").limits
+    motion = dynid.random_excitation(limits, seed=3, margin=0.3)
+    dynid.write_trajectory(motion, path, robot="ur5", limits=limits, provenance=provenance(seed=3))
+    text = run("check", path, "--limits", "paper").out
+    assert "certified, feasible" in text
+    assert "not judged" not in text
+    assert "not asked for: torque, tcp speed" in text
+
+
 def test_a_robot_that_is_not_there_is_suggested(run: Run, tmp_path: Path) -> None:
     robot = dynid.load_robot("ur5")
     path = tmp_path / "design.json"

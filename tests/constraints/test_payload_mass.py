@@ -8,7 +8,17 @@ import pytest
 
 from dynid.constraints import prior_link, safe_constraints
 from dynid.core import InputError
-from dynid.robot import Body, SafetyLimits, box_points, joint_poses, load_robot, with_tool
+from dynid.robot import (
+    Body,
+    SafetyLimits,
+    box_points,
+    joint_poses,
+    load_robot,
+    robot_from_chain,
+    with_tool,
+)
+from dynid.robot.body import cylinder_points
+from dynid.robot.transforms import translation
 
 MASS, COM = 4.0, np.array([0.02, -0.01, 0.08])
 CLOSE = 1e-9
@@ -116,3 +126,15 @@ def test_a_payload_above_the_rating_is_refused_and_an_unknown_rating_is_reported
     assert not any("rated" in note for note in safe_constraints(bare, collision=False).notes)
     loaded = safe_constraints(with_tool(bare, payload=[200.0, 0, 0, 0]), collision=False)
     assert any("no rated payload" in note for note in loaded.notes)
+
+
+def test_a_payload_within_its_neighbour_is_left_out_and_not_kept_apart_by_rounding() -> None:
+    turn = robot_from_chain(
+        placements=[np.eye(4), translation(0, 0, -0.1)],
+        axes=[[0, 0, -1], [0, 0, 1]],
+        joint_types=["prismatic", "revolute"],
+    )
+    slide = Body(name="slide", link=1, points=cylinder_points(0.04, 0.05), radius=0.0)
+    robot = with_tool(replace(turn, bodies=(slide,)), payload=[3, 0, 0, 0.1])
+    judge = safe_constraints(robot, floor="none")
+    assert judge.surroundings is None or "self_collision" not in judge.surroundings.pairs

@@ -146,7 +146,7 @@ def test_contradictory_limits_are_refused() -> None:
 
 
 def test_a_scene_needs_bodies() -> None:
-    with pytest.raises(InputError, match="needs a robot with collision bodies"):
+    with pytest.raises(InputError, match="no moving link has a collision body"):
         safe_constraints(replace(load_robot("ur5"), bodies=()), scene(BALL))
 
 

@@ -167,6 +167,8 @@ def test_a_robot_without_bodies_is_not_judged() -> None:
     judge = safe_constraints(replace(load_robot("ur5"), bodies=()))
     assert judge.surroundings is None
     assert {item.kind for item in judge.unjudged} == {"self_collision", "environment"}
+    # One reason, and one next step: shapes for the links.
+    assert len({(item.causes, item.next_step) for item in judge.unjudged}) == 1
 
 
 @needs_models

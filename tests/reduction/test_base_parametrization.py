@@ -220,6 +220,12 @@ def test_a_rank_without_a_clear_gap_is_said() -> None:
     assert any("the tolerance cuts through" in notice.message for notice in cut)
 
 
+def test_rounding_is_no_term_of_a_base_parameter() -> None:
+    # An offset and |sign| differ at the slowest points alone: all else hangs on that difference.
+    base = reduced(terms="fc,fv,im,fo,fs,fca")
+    assert {f"Fo{j}" for j in range(2, 7)} <= set(base.expressions)
+
+
 def test_columns_of_any_size_and_order_are_told_apart() -> None:
     random = np.random.default_rng(1)
     inner = random.normal(size=(50, 3))

@@ -334,11 +334,15 @@ def _published(masses: Sequence[float], ixx: float, iyy: float, com: str) -> lis
 
 
 def _serial(masses: Sequence[float], ixx: float, iyy: float, com: str) -> RobotModel:
+    return robot_from_urdf(_chain_of(masses, ixx, iyy, com).encode())
+
+
+def _chain_of(masses: Sequence[float], ixx: float, iyy: float, com: str) -> str:
     links = "".join(
         _BODY.format(k=k + 1, p=k, mass=mass, ixx=ixx, iyy=iyy, com=com)
         for k, mass in enumerate(masses)
     )
-    return robot_from_urdf(f'<robot name="arm"><link name="l0"/>{links}</robot>'.encode())
+    return f'<robot name="arm"><link name="l0"/>{links}</robot>'
 
 
 def test_an_arm_without_any_mass_is_unknown_and_not_weightless() -> None:
@@ -348,11 +352,27 @@ def test_an_arm_without_any_mass_is_unknown_and_not_weightless() -> None:
     assert np.isfinite(_serial([3, 0, 0], 0.0, 0.0, "0 0 0").inertias).all()
 
 
+def test_links_without_inertia_are_one_note() -> None:
+    links = "".join(f'<link name="{name}"/>' for name in "abc")
+    text = "".join(joint(f"j{a}", a, b, inside='<axis xyz="0 0 1"/>') for a, b in ("ab", "bc"))
+    notes = robot_from_urdf(f'<robot name="arm">{links}{text}</robot>'.encode()).notes
+    assert [note for note in notes if "inertia" in note] == [
+        "the URDF has no inertia of links moved by ja, jb"
+    ]
+
+
 def test_placeholders_of_inertias_are_unknown() -> None:
     assert _published([1, 1, 1, 1], 1.0, 1.0, "0 0 0") == [0, 0, 0, 0]
     assert _published([1, 1, 1], 0.01, 0.02, "0 0 0") == [0, 0, 0]
     # Masses of a data sheet, and centres, beside one tensor for all.
     assert _published([7, 5, 3], 0.3, 0.3, "0.1 0 0") == [4, 4, 4]
+    # The true link is fixed to a dummy, as in the arms of a PR2.
+    dummies = _chain_of([0.1, 0.1, 0.1], 0.01, 0.01, "0 0 0")
+    true = _BODY.format(k=9, p=1, mass=6, ixx=0.1, iyy=0.2, com="0.2 0 0")
+    fixed = true.replace('type="revolute"', 'type="fixed"')
+    held = robot_from_urdf(dummies.replace("</robot>", f"{fixed}</robot>").encode())
+    assert np.isfinite(held.inertias).all(axis=1).tolist() == [True, True, True]
+    assert held.inertias[0, 0] == pytest.approx(6.1)
     # Modules of one kind are true, and so may two bodies be.
     assert _published([2, 2, 2], 0.01, 0.02, "0.1 0 0") == [10, 10, 10]
     assert _published([1, 1], 0.01, 0.01, "0 0 0") == [10, 10]

@@ -124,6 +124,16 @@ def test_the_server_itself_keeps_the_door(guarded: Server) -> None:
     connection.close()
 
 
+def test_a_bug_is_answered_too(guarded: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken() -> None:
+        raise KeyError("what nobody foresaw")
+
+    monkeypatch.setattr(guarded.page, "state", broken)
+    status, headers, body = ask(guarded.port, "/api/state", Cookie=cookie(guarded))
+    assert (status, headers["Content-Type"].split(";")[0]) == (500, "application/json")
+    assert "KeyError: 'what nobody foresaw'" in json.loads(body)["error"]
+
+
 NONSENSE = [
     ("GET", "/nowhere", None), ("GET", "/../../etc/passwd", None), ("GET", "/%00", None),
     ("GET", "/api/nothing", None), ("GET", "/api/curves?name=x", None), ("PUT", "/", b""),

@@ -69,6 +69,17 @@ def test_moving_and_resting_samples_are_told_apart_joint_by_joint() -> None:
     assert result.moving.samples + result.at_rest.samples == pytest.approx(2000, abs=1)
 
 
+def test_a_slow_joint_moves_below_the_speed_of_others() -> None:
+    made = estimate()
+    limits = made.model.robot.limits
+    slow = replace(limits, velocity=limits.velocity * np.array([0.004, 1, 1, 1, 1, 1]))
+    robot = replace(made.model.robot, limits=slow)
+    here = replace(made, model=replace(made.model, robot=robot))
+    result = validate_samples(here, replace(samples(), dq=0.004 * samples().dq))
+    assert result.moves[:, 0].mean() > 0.7
+    assert not result.moves[:, 1:].any()
+
+
 def test_a_joint_that_always_moves_has_no_error_at_rest() -> None:
     whole = samples(0.5)
     # Away from every turning point of joint 1.
@@ -106,7 +117,7 @@ def test_faster_motions_are_extrapolated_and_named() -> None:
     result = validate_samples(estimate(), samples(speed=1.5))
     (notice,) = [n for n in result.warnings if n.code == "extrapolated"]
     name = estimate().model.robot.joint_names[0]
-    assert f"{name} speed 1.6 against 1.1" in notice.message
+    assert f"{name} speed 1.6 against 1.1 rad/s" in notice.message
     # Four facts are enough.
     assert notice.message.count(" against ") == 4
 
@@ -118,6 +129,13 @@ def test_places_a_little_beyond_are_still_known(share: float, beyond: bool, side
     known = estimate().motion
     away = replace(moved, q=moved.q + side * share * (known.upper - known.lower))
     assert ("extrapolated" in _codes(validate_samples(estimate(), away))) == beyond
+
+
+def test_a_place_that_no_torque_depends_on_is_not_extrapolated() -> None:
+    # The UR5 stands upright: its first joint turns about gravity.
+    here = samples()
+    turned = replace(here, q=here.q + np.array([2.0, 0, 0, 0, 0, 0]))
+    assert "extrapolated" not in _codes(validate_samples(estimate(), turned))
 
 
 def test_motions_elsewhere_are_extrapolated() -> None:

@@ -14,6 +14,7 @@ import dynid
 from dynid.core import InputError
 from dynid.recording import ExperimentRecord
 from dynid.robot import load_robot
+from dynid.workflow import open_records
 
 PAPER = dynid.IdentifySettings(preset="paper")
 
@@ -238,3 +239,21 @@ def test_a_clipped_torque_is_told_once(tmp_path: Path, record: ExperimentRecord)
     result = dynid.identify(dynid.read_recording(tmp_path / "log.csv", robot="ur5"), "ur5", PAPER)
     told = [finding.joints for finding in result.warnings if finding.kind == "saturated"]
     assert told == [(1,)]
+
+
+def test_meshes_are_not_read_before_a_mistake_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Nothing that identifies needs collision bodies, and to decompose meshes takes seconds.
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("collision geometry was read")
+
+    monkeypatch.setattr("dynid.robot.load.with_collision_geometry", refuse)
+    arm, away = Path(__file__).parents[2] / "examples" / "robots" / "tx40.urdf", tmp_path / "a.csv"
+    for job in (
+        lambda: dynid.identify([], arm),
+        lambda: open_records([away], arm),
+        lambda: dynid.fit(arm, away, tmp_path / "fitted"),
+    ):
+        with pytest.raises(dynid.DynidError, match=r"at least one record|no such file"):
+            job()

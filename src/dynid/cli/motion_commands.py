@@ -24,11 +24,18 @@ if TYPE_CHECKING:
 def _print_certificate(screen: Console, data: Mapping[str, Any]) -> None:
     """Print the margins of a certificate's JSON, and where each is smallest."""
     rows: list[tuple[str, ...]] = []
+    reasons: dict[tuple[str, str], list[str]] = {}
+    for item in data["unjudged"]:
+        reasons.setdefault((item["message"], item["next_step"]), []).append(item["kind"])
+    nothing: list[str] = []
     for key, margin in data["margins"].items():
         kind = key.removesuffix("_m")
         worst = data["worst"].get(kind)
         if worst is None:
-            rows.append((kind.replace("_", " "), "not judged", "", "-", "-", ""))
+            if any(kind in kinds for kinds in reasons.values()):
+                rows.append((kind.replace("_", " "), "not judged", "", "-", "-", ""))
+            else:
+                nothing.append(kind.replace("_", " "))
             continue
         left = f"{1000 * margin:.1f} mm apart" if key.endswith("_m") else f"{100 * margin:.1f} %"
         time, least = worst["t"], worst["required"]
@@ -49,8 +56,10 @@ def _print_certificate(screen: Console, data: Mapping[str, Any]) -> None:
         rows,
         words=(0, 5),
     )
-    for item in data["unjudged"]:
-        screen.print(f"- unjudged: {item['kind']}: {item['message']}. {item['next_step']}")
+    if nothing:
+        screen.print(f"No limit, nothing to meet, or not asked for: {', '.join(nothing)}")
+    for (message, step), kinds in reasons.items():
+        screen.print(f"- unjudged: {', '.join(kinds)}: {message}. {step}")
     told = {cause for item in data["unjudged"] for cause in item["causes"]}
     for note in data["notes"]:
         if note not in told:

@@ -118,6 +118,8 @@ _NEAR = 2
 """Links this far apart, or from the base: all their poses can be searched."""
 _SURE = 0.001
 """Bodies that are proven to keep this distance cannot meet [m]."""
+_TOUCHING = 1e-9
+"""Bodies no farther apart touch [m]."""
 _MOSTLY = 0.5
 """Share of poses beyond which bodies of near links say more of themselves than of the arm."""
 _POSES = 400
@@ -163,10 +165,9 @@ def surroundings_of(
     notes += bare
     if scene.shapes and not any(body.link for body in moving):
         raise InputError(
-            "a scene needs a robot with collision bodies",
+            "no moving link has a collision body to judge against the scene",
             where=robot.name,
-            value="no bodies",
-            next_step="Add [[body]] tables to a robot file, or collision geometry to a URDF.",
+            next_step=GIVE_SHAPES,
         )
     if not moving:
         return None
@@ -234,6 +235,11 @@ def _own_pairs(moving: tuple[Body, ...], arm: int) -> list[tuple[int, int]]:
     ]
 
 
+GIVE_SHAPES = (
+    "Give its links shapes that fit: [[capsule]] in a robot file, or meshes (--mesh-dir DIR)."
+)
+
+
 def not_held(robot: RobotModel) -> tuple[str, ...]:
     """Why its bodies may not hold all of the moving links."""
     if not robot.bodies:
@@ -277,7 +283,8 @@ def _free_pairs(
         what = f"{names[a]} and {names[b]}"
         most = float(row.max())
         clearance = min(settings.self_clearance, max(most, 0.0) / 2)
-        share = float((row <= clearance).mean())
+        # Bodies in one another are nothing apart, but for rounding.
+        share = float((row <= max(clearance, _TOUCHING)).mean())
         if gap[k] <= _NEAR and _proven(bodies, a, b, row, settings, _SURE):
             continue
         if share == 1.0 and b >= arm and gap[k] > 1:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.constraints.arm import TorqueJudge, prior_dynamics, prior_link
-from dynid.constraints.bodies import Surroundings, not_held, surroundings_of
+from dynid.constraints.bodies import GIVE_SHAPES, Surroundings, not_held, surroundings_of
 from dynid.constraints.collision import Proximity
 from dynid.constraints.limits import (
     DISTANCES,
@@ -233,16 +233,18 @@ def _surroundings(
         if settings.floor != "mount":
             raise
         del notes[said:]
-        whole = surrounded(settings, robot.tool, floor=False)
-        found = surroundings_of(robot, whole, notes)
-        unjudged.append(
-            Unjudged(
-                kind="environment",
-                causes=(f"there can be no floor at the mounting plane: {error.what}",),
-                next_step=f"{error.next_step or 'Say where it is: --floor HEIGHT.'} Where there is "
-                "none: --floor none.",
+        bare = surrounded(settings, robot.tool, floor=False)
+        found = surroundings_of(robot, bare, notes)
+        if robot.bodies:
+            whole = bare
+            unjudged.append(
+                Unjudged(
+                    kind="environment",
+                    causes=(f"there can be no floor at the mounting plane: {error.what}",),
+                    next_step=f"{error.next_step or 'Say where it is: --floor HEIGHT.'} If there "
+                    "is none: --floor none.",
+                )
             )
-        )
     asked = {
         "self_collision": settings.self_collision,
         "environment": whole.scene is not None and bool(whole.scene.shapes),
@@ -250,14 +252,7 @@ def _surroundings(
     for kind, on in asked.items():
         causes = not_held(robot) if found is None else found.lacking[kind]
         if on and causes:
-            unjudged.append(
-                Unjudged(
-                    kind=kind,
-                    causes=causes,
-                    next_step="Give its links shapes that fit: [[capsule]] in a robot file, or "
-                    "meshes (--mesh-dir DIR).",
-                )
-            )
+            unjudged.append(Unjudged(kind=kind, causes=causes, next_step=GIVE_SHAPES))
     return found
 
 

@@ -110,7 +110,8 @@ def regrouping(
     base, dependent = np.flatnonzero(independent), np.flatnonzero(~independent)
     r = len(base)
     upper = upper_triangle(scaled[:, np.concatenate([base, dependent])])
-    k = solve_upper(upper[:r, :r], upper[:r, r:])
+    # Rounding over a diagonal that is hardly more would be terms of every row above it.
+    k = solve_upper(upper[:r, :r], np.where(np.abs(upper[:r, r:]) < ROUNDING, 0.0, upper[:r, r:]))
     k[np.abs(k) < NO_SHARE] = 0.0
     k = k * (scale[dependent][None, :] / scale[base][:, None])
     return tuple(base.tolist()), tuple(dependent.tolist()), k

@@ -9,7 +9,7 @@ from dynid.core import Array
 from dynid.identification import CONFIDENCE, Estimate
 from dynid.reduction import BaseParametrization
 from dynid.report.contents import ReportedEstimate, joint_labels
-from dynid.validation import MOVING_SPEED, ParameterComparison, ValidationResult
+from dynid.validation import ParameterComparison, ValidationResult
 
 STANDSTILL_S = 0.1
 """Shorter stops are reversals."""
@@ -42,7 +42,8 @@ def torque_panels(
     unit = f"[{draw.joint_unit('N.m', robot.prismatic[j : j + 1])}]"
     t, measured, predicted = result.t, result.measured[:, j], result.predicted[:, j]
     error = measured - predicted
-    still = draw.shaded(t, np.abs(result.dq[:, j]) < MOVING_SPEED, STANDSTILL_S)
+    moving = result.moves[:, j]
+    still = draw.shaded(t, ~moving, STANDSTILL_S)
     events = (
         draw.Spans(still, name="standstill"),
         *(
@@ -54,7 +55,6 @@ def torque_panels(
             if stretches
         ),
     )
-    moving = np.abs(result.dq[:, j]) >= MOVING_SPEED
     usual = float(np.std(error[moving])) if moving.any() else float(np.std(error))
     reach = _rounded_up(max(4.0 * usual, 1e-6))
     told = item.estimate.assessment

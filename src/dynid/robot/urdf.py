@@ -5,6 +5,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 from pathlib import Path
 
 import numpy as np
@@ -408,16 +409,24 @@ def _merge(
         body = carriers[link] - 1
         if own is not None and body >= 0:
             inertias[body] = np.nan_to_num(inertias[body]) + move(own, poses[link])
-    for name, row in zip(trunk.joints, inertias, strict=True):
-        if np.isnan(row).any():
-            notes.append(f"the URDF has no inertia of the link moved by joint {printable(name)}")
-        elif not is_physical(row):
-            link = f"the link moved by joint {printable(name)}"
-            notes.append(f"the inertia of {link} is not physically consistent")
+    unknown = [bool(np.isnan(row).any()) for row in inertias]
+    wrong = [not (bare or is_physical(row)) for bare, row in zip(unknown, inertias, strict=True)]
+    for which, told in (
+        (unknown, "the URDF has no inertia of links moved by"),
+        (wrong, "an inertia is not physically consistent: links moved by"),
+    ):
+        if any(which):
+            notes.append(f"{told} {_listed(list(compress(trunk.joints, which)))}")
     if (inertias[:, 0] == 0).any() and not (inertias[:, 0] > 0).any():
         inertias[:] = np.nan
         notes.append("no link that moves has a mass: all are taken as unknown")
-    copied = _copied([tree.links[tree.joints[name].child] for name in trunk.joints])
+    links = [tree.links[tree.joints[name].child] for name in trunk.joints]
+    # A dummy that the true link is fixed to says nothing about that link.
+    main = [
+        None if own is None or own[0] < row[0] / 2 else own
+        for own, row in zip(links, inertias, strict=True)
+    ]
+    copied = _copied(main)
     for body, first in copied.items():
         inertias[body, first:] = np.nan
     if copied:

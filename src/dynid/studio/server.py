@@ -294,6 +294,9 @@ class _Visit(BaseHTTPRequestHandler):
         except (DynidError, OSError, ValueError, RecursionError, MemoryError) as error:
             said = error.line if isinstance(error, DynidError) else str(error)
             found, status = {"error": said or type(error).__name__}, 400
+        except Exception as error:
+            said = f"internal error, a bug in dynid: {type(error).__name__}: {error}"
+            found, status = {"error": f"{said}. Report it"}, 500
         self._send(status, _encoded(found), "application/json")
 
     def _refuse(self, status: int, words: str) -> None:

@@ -18,6 +18,7 @@ from dynid.identification import (
     open_estimate,
 )
 from dynid.recording import ExperimentRecord, RecordLike, RecordMetadata, identity, open_record
+from dynid.reduction import random_states
 from dynid.robot import RobotModel, builtin_names, joint_poses, load_robot
 from dynid.signals import (
     ProcessingSettings,
@@ -31,6 +32,8 @@ from dynid.validation.comparison import TransferReport, transfer_report
 
 MOVING_SPEED = 0.02
 """A joint moves above this speed [rad/s or m/s]; below it friction hides the torque."""
+MOVING_SHARE = 0.1
+"""Or above this share of its velocity limit, where that is less: a lift makes 0.01 m/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,6 +179,8 @@ class ValidationResult:
     """(N) time from the start of the window [s]."""
     dq: Array
     """(N, n) velocities [rad/s or m/s]."""
+    moves: Mask
+    """(N, n) whether the joint moves."""
     measured: Array
     """(N, n) measured joint torques, not filtered [N.m or N]."""
     predicted: Array
@@ -365,10 +370,13 @@ def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:
     rows = samples.rows
     predicted = read_only(samples.as_recorded(model.T).T[rows])
     measured, dq = samples.tau[rows], samples.dq[rows]
-    moving = np.abs(dq) > MOVING_SPEED
+    limits = estimate.model.robot.limits
+    moving = np.abs(dq) > np.fmin(MOVING_SPEED, MOVING_SHARE * limits.velocity)
+    moving.setflags(write=False)
     return ValidationResult(
         t=samples.t[rows],
         dq=dq,
+        moves=moving,
         measured=measured,
         predicted=predicted,
         metrics=metrics(measured, predicted),
@@ -380,23 +388,32 @@ def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:
 
 
 def _extrapolated(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
-    known = estimate.motion
-    names = estimate.model.robot.joint_names
+    known, model = estimate.motion, estimate.model
+    names = model.robot.joint_names
+    units = ["m" if slides else "rad" for slides in model.robot.prismatic]
     found: list[str] = []
-    for values, limit, what in (
-        (samples.dq, known.speed, "speed"),
-        (samples.ddq, known.acceleration, "acceleration"),
+    for values, limit, what, per in (
+        (samples.dq, known.speed, "speed", "/s"),
+        (samples.ddq, known.acceleration, "acceleration", "/s^2"),
     ):
         reached = np.percentile(np.abs(values), 99.5, axis=0)
         for j in np.flatnonzero(reached > EXTRAPOLATION * limit):
-            found.append(f"{names[j]} {what} {reached[j]:.2g} against {limit[j]:.2g}")
+            text = f"{names[j]} {what} {reached[j]:.2g} against {limit[j]:.2g} {units[j]}{per}"
+            found.append(text)
     margin = (EXTRAPOLATION - 1) * (known.upper - known.lower)
     low, high = np.percentile(samples.q, [0.25, 99.75], axis=0)
+    q, dq, ddq = random_states(model.robot, 3, 0)
+    w = model.observation_matrix(q, dq, ddq)
     for j in np.flatnonzero((low < known.lower - margin) | (high > known.upper + margin)):
-        found.append(
-            f"{names[j]} position {low[j]:.2g} to {high[j]:.2g} against "
-            f"{known.lower[j]:.2g} to {known.upper[j]:.2g}"
-        )
+        # Where a joint stands says nothing if it turns about gravity and nothing carries it.
+        moved = q.copy()
+        moved[:, j] += 0.5
+        change = model.observation_matrix(moved, dq, ddq) - w
+        if np.abs(change).max() > SAME_TORQUE * np.abs(w).max():
+            found.append(
+                f"{names[j]} position {low[j]:.2g} to {high[j]:.2g} against "
+                f"{known.lower[j]:.2g} to {known.upper[j]:.2g} {units[j]}"
+            )
     if not found:
         return ()
     return (
@@ -405,6 +422,10 @@ def _extrapolated(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
             "this record exceeds the range of the identification: " + "; ".join(found[:4]),
         ),
     )
+
+
+SAME_TORQUE = 1e-9
+"""Of the largest: columns that differ by less are the same."""
 
 
 def _at_rest(estimate: Estimate, moving: Mask) -> tuple[Finding, ...]:

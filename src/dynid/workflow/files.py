@@ -225,7 +225,7 @@ def fit(
     given = as_list(logs)
     if not given:
         raise InputError("needs at least one log")
-    model = load_robot(robot)
+    model = load_robot(robot, collision=False)
     folder = _folder(output)
     records: list[ExperimentRecord] = []
     sources: list[str] = []

@@ -143,7 +143,7 @@ def _contribution(job: tuple[str, str | None, str]) -> _Contribution | str:
     try:
         with local_files([place]) as (path,):
             reference = stored_robot([path])[0] if model is None else model
-            plain = load_robot(reference)
+            plain = load_robot(reference, collision=False)
             record, _ = known_gains(open_record(path, plain), plain)
             extra = record.metadata.extra
             mount = extra.get("mount", "file")
@@ -174,7 +174,7 @@ def _contribution(job: tuple[str, str | None, str]) -> _Contribution | str:
 @lru_cache(maxsize=16)
 def base_of(reference: str, terms: str, mount: str | None) -> BaseParametrization:
     """The base parameters that statistics of a robot, mounted like this, are about."""
-    robot = load_robot(reference, mount=mount)
+    robot = load_robot(reference, mount=mount, collision=False)
     model = InverseDynamicModel(robot=robot, friction=parse_terms(terms))
     return reduce_model(model)
 
@@ -182,7 +182,7 @@ def base_of(reference: str, terms: str, mount: str | None) -> BaseParametrizatio
 @lru_cache(maxsize=64)
 def _key(reference: str, terms: str) -> str:
     """What of model and settings a cached result depends on."""
-    robot = load_robot(reference)
+    robot = load_robot(reference, collision=False)
     return content_hash([SCHEME, terms, robot.name, robot.placements.tolist(), robot.axes.tolist()])
 
 

@@ -21,7 +21,7 @@ from dynid.identification import Estimate
 from dynid.robot import RobotLike, RobotModel, load_robot, with_carried
 from dynid.settings import IdentifySettings
 from dynid.trajectory import JointMotion
-from dynid.validation import MOVING_SPEED, ValidationResult, another_robot, reproduce, validate
+from dynid.validation import ValidationResult, another_robot, reproduce, validate
 from dynid.workflow.choosing import (
     asked_processing,
     made_from,
@@ -195,7 +195,7 @@ def identify(
         JobError: A singular problem.
     """
     settings = settings or IdentifySettings()
-    robot = with_carried(load_robot(robot, mount=settings.mount))
+    robot = with_carried(load_robot(robot, mount=settings.mount, collision=False))
     # The same result whatever the order of the files.
     several = sorted(
         recording.open_any(recording.as_list(records), robot), key=recording.fingerprint
@@ -340,7 +340,7 @@ def noise_percent(result: ValidationResult) -> float:
 
     From differences of the error from sample to sample, so that a slow error is no noise.
     """
-    moving = np.abs(result.dq[1:]) > MOVING_SPEED
+    moving = result.moves[1:]
     steps = np.square(np.diff(result.measured - result.predicted, axis=0))[moving]
     torque = np.square(result.measured[1:])[moving].sum()
     return float(100 * np.sqrt(steps.sum() / 2 / torque)) if torque > 0 else 0.0

@@ -95,9 +95,9 @@ def robot_of(paths: Sequence[str | Path], robot: RobotLike | None = None) -> Rob
         InputError: As `stored_robot`.
     """
     if robot is not None:
-        return load_robot(robot)
+        return load_robot(robot, collision=False)
     name, mount = stored_robot(paths)
-    return load_robot(name, mount=mount)
+    return load_robot(name, mount=mount, collision=False)
 
 
 def stored_robot(paths: Sequence[str | Path]) -> tuple[str, str | None]:

@@ -86,7 +86,7 @@ def identify_shared(
         JobError: A singular problem.
     """
     settings = settings or IdentifySettings()
-    robot = load_robot(robot, mount=settings.mount)
+    robot = load_robot(robot, mount=settings.mount, collision=False)
     several = open_several(records, robot)
     if not several:
         raise InputError("needs at least one record")
@@ -159,7 +159,7 @@ def identify_payload(
         InputError: No records, one record as both, or records that do not fit the robot.
         JobError: Motions that do not show the parameters of the arm.
     """
-    model = load_robot(robot)
+    model = load_robot(robot, collision=False)
     without, carrying = _several(model, unloaded, loaded)
     seen = {identity(record) for record in without}
     if any(identity(record) in seen for record in carrying):
@@ -228,7 +228,7 @@ def identify_gains(
         InputError: A recording without targets or velocities, or of another number of joints.
         JobError: No joint's gain can be told.
     """
-    model = load_robot(robot)
+    model = load_robot(robot, collision=False)
     record = open_record(record, model)
     if record.joints != model.joints:
         raise InputError(
@@ -299,7 +299,7 @@ def identify_gains_from_payload(
             centre, or a robot with counterbalances.
         JobError: Motions or a payload that leave a gain open.
     """
-    model = load_robot(robot)
+    model = load_robot(robot, collision=False)
     if model.counterbalances:
         # Their torque is known in N.m, and would have to be scaled with the unknown gains.
         raise InputError("drive gains of a robot with counterbalances", value=model.name)

@@ -72,7 +72,7 @@ def identify_temperature(
             `identify_shared` refuses.
         JobError: A singular problem.
     """
-    robot = load_robot(robot)
+    robot = load_robot(robot, collision=False)
     several = open_several(records, robot)
     if len(several) < 2:
         raise InputError("a temperature law needs two records or more", value=len(several))
