@@ -451,6 +451,21 @@ def test_torques_are_as_unsure_as_parameters_leave_them(tmp_path: Path) -> None:
     assert 0.7 < np.sqrt(np.square(ratios).mean()) < 1.2
 
 
+@pytest.mark.parametrize(
+    ("wrong", "kind", "size"),
+    [
+        (Wrong(carried=4.0, scales=(1.0, 1.2, 1.0)), "drive_gain", 1.2),
+        (Wrong(carried=4.0, tilt_deg=2.0), "mounting", np.radians(2.0)),
+    ],
+)
+def test_a_fault_beside_a_payload_has_its_own_size(
+    tmp_path: Path, wrong: Wrong, kind: str, size: float
+) -> None:
+    found = {finding.kind: finding for finding in faults(tmp_path, wrong)}
+    assert set(found) == {"payload", kind}
+    assert found[kind].value == pytest.approx(size, rel=0.02)
+
+
 @pytest.mark.parametrize(("systematic", "noise"), [(0.0, 1.0), (0.5, 1.0), (1.0, 0.3)])
 def test_repetitions_average_noise_alone(systematic: float, noise: float) -> None:
     """What a model leaves in each repetition of a motion is not new evidence in the next."""

@@ -14,6 +14,7 @@ from dynid.diagnosis.hypotheses import (
     hypotheses,
     left_out,
     score,
+    with_payload,
 )
 from dynid.diagnosis.residual import (
     BLOCKS,
@@ -152,11 +153,14 @@ def explain(
             if best.undo is not None:
                 coupled.append((best.undo, first.values))
         found.append(_explanation(first, admitted[1:], before))
-        if best.undo is None:
-            added.append(best)
+        if best.kind == "payload":
+            # Part of the last link: other faults and the load of friction know of it.
+            prior = with_payload(prior, recording.robot, first)
+        elif best.undo is None:
+            added.append(replace(best, width=best.holding(first.values)))
         else:
             recording = best.undo(recording, first.values)
-        fitted = _fitted(recording, prior, added, links)
+        fitted = _fitted(recording, prior, added, None if best.kind == "payload" else links)
     if any(e.kind == "clock_offset" and abs(e.value) < STEP_S / 2 for e in found):
         # Corrected until nothing was left of it: it was none.
         return explain(told, prior, offsets=False)

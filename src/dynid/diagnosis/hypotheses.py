@@ -64,6 +64,11 @@ class Hypothesis:
         """Sizes that may be large by chance; of a payload, which is small, those of a point."""
         return 4 if self.kind == "payload" else len(self.width)
 
+    def holding(self, sizes: Array) -> Array:
+        """(m) the width that sizes (m) show, far from zero or not."""
+        share = float(np.sqrt(np.square(sizes / self.width).mean()))
+        return min(max(share, 1.0), self.widest) * self.width
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scored:
@@ -199,10 +204,29 @@ def _at_the_flange(ref: Reference) -> tuple[Array, float]:
     Of a point at the flange; then of what its first and second moments differ by.
     """
     n = ref.recording.robot.joints
-    place = np.append(ref.recording.robot.flange[:3, 3], 1.0)
-    body = ref.columns[10 * (n - 1) : 10 * n].copy()
-    body[0] = np.tensordot(from_pseudo_inertia(np.outer(place, place)), body, axes=1)
+    last = ref.columns[10 * (n - 1) : 10 * n]
+    body = np.tensordot(_of_the_last_link(ref.recording.robot), last, axes=1)
     return body, PAYLOAD * float(ref.mean[: 10 * n : 10].sum())
+
+
+def _of_the_last_link(robot: RobotModel) -> Array:
+    """(10, 10) the last link's parameters (columns) of a body at the flange, see there."""
+    place = np.append(robot.flange[:3, 3], 1.0)
+    out = np.eye(10)
+    out[0] = from_pseudo_inertia(np.outer(place, place))
+    return out
+
+
+def with_payload(
+    prior: tuple[Array, Array], robot: RobotModel, found: Scored
+) -> tuple[Array, Array]:
+    """A prior by which the last link carries a payload that was found, or one like it."""
+    mean, covariance = (part.copy() for part in prior)
+    moves = _of_the_last_link(robot)
+    mean[-10:] += found.values @ moves
+    moves = found.hypothesis.holding(found.values)[:, None] * moves
+    covariance[-10:, -10:] += moves.T @ moves
+    return mean, covariance
 
 
 def _payload_change(ref: Reference, values: Array) -> Hypothesis:
@@ -430,8 +454,7 @@ def score(found: Fits, rival: Hypothesis, alone: Fits) -> Scored:
     # Sizes far beyond the usual are not pulled toward it: theirs is the spread that they show.
     prior, inverse, x = normal, normal, np.zeros(m)
     for _ in range(WIDENINGS):
-        wide = np.clip(np.sqrt(np.square(x / rival.width).mean()), 1.0, rival.widest)
-        prior = np.diag(1 / np.square(wide * rival.width))
+        prior = np.diag(1 / np.square(rival.holding(x)))
         inverse = np.asarray(np.linalg.inv(normal + prior), dtype=np.float64)
         x = inverse @ vector
     values = solved[:, -1] - solved[:, :-1] @ x
