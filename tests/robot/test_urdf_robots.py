@@ -361,6 +361,14 @@ def test_links_without_inertia_are_one_note() -> None:
     ]
 
 
+def test_shapes_are_read_where_they_alone_tell_a_tensor(tmp_path: Path) -> None:
+    ball = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
+    for masses, ixx, iyy, read in (([7, 5, 3], 0.3, 0.3, True), ([2, 2, 2], 0.01, 0.02, False)):
+        text = _chain_of(masses, ixx, iyy, "0.1 0 0").replace("<inertial>", f"{ball}<inertial>")
+        (tmp_path / "arm.urdf").write_text(text)
+        assert bool(load_robot(tmp_path / "arm.urdf", collision=False).bodies) == read
+
+
 def test_placeholders_of_inertias_are_unknown() -> None:
     assert _published([1, 1, 1, 1], 1.0, 1.0, "0 0 0") == [0, 0, 0, 0]
     assert _published([1, 1, 1], 0.01, 0.02, "0 0 0") == [0, 0, 0]

@@ -61,7 +61,8 @@ def load_robot(
             the mounting.
         mount: `floor`, `wall`, `ceiling` or `tilt:DEG`, in place of what the file says.
         collision: Whether to read the collision geometry of a URDF, meshes included, where the
-            robot has no bodies; what cannot be read is in the robot's `body_notes`.
+            robot has no bodies; what cannot be read is in the robot's `body_notes`. It is
+            read all the same where a link of known mass has no tensor: its shape tells one.
         mesh_dirs: Further folders where meshes are looked for.
 
     Raises:
@@ -93,7 +94,8 @@ def _load(name_or_path: str | Path, collision: bool, mesh_dirs: Sequence[Path] =
     data = read_limited(path, MAX_URDF)
     if data.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] == b"<" or path.suffix.lower() == ".urdf":
         robot = robot_from_urdf(data, where=shown_path(path), file=path)
-        if not collision:
+        known = ~np.isnan(robot.inertias)
+        if not collision and not (known[:, 0] & ~known.all(axis=1)).any():
             return robot
         return with_collision_geometry(robot, path, mesh_dirs=mesh_dirs)
     if len(data) > MAX_TOML:
