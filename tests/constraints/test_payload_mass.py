@@ -12,13 +12,13 @@ from dynid.robot import (
     Body,
     SafetyLimits,
     box_points,
+    cylinder_points,
     joint_poses,
     load_robot,
     robot_from_chain,
+    translation,
     with_tool,
 )
-from dynid.robot.body import cylinder_points
-from dynid.robot.transforms import translation
 
 MASS, COM = 4.0, np.array([0.02, -0.01, 0.08])
 CLOSE = 1e-9
