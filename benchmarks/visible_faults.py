@@ -22,10 +22,10 @@ from dynid.bench import cases, recorded
 from dynid.bench.plants import plant
 from dynid.bench.verdicts import FAULTS, SAME, SIZES, Case, Judged, Recorded, run_verdicts
 from dynid.core import Array, one_thread
-from dynid.diagnosis import findings_of
+from dynid.diagnosis import findings_of, inertial_prior
 from dynid.diagnosis.diagnose import recording_of
 from dynid.diagnosis.hypotheses import hypotheses
-from dynid.diagnosis.residual import Recording, Reference, inertial_prior
+from dynid.diagnosis.residual import Recording, Reference
 from dynid.signals import ProcessingSettings, process
 
 SEEN = 4.0

@@ -20,11 +20,12 @@ from dynid.diagnosis import (
     diagnose,
     explain,
     findings_of,
+    inertial_prior,
 )
 from dynid.diagnosis.diagnose import finding_of, recording_of
 from dynid.diagnosis.events import torque_deviations
 from dynid.diagnosis.hypotheses import hypotheses
-from dynid.diagnosis.residual import correlation_length, fits, inertial_prior, reference
+from dynid.diagnosis.residual import correlation_length, fits, reference
 from dynid.recording import ExperimentRecord, RecordMetadata
 from dynid.robot import load_robot, robot_from_chain, with_mount
 from dynid.signals import ProcessingSettings, process

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from dynid.bench import Case, Judged, Plant, Recorded, arm, plant, recorded, run_verdicts, summarise
-from dynid.diagnosis import Recording, findings_of
-from dynid.diagnosis.residual import fits, inertial_prior, presliding_of, reference
+from dynid.diagnosis import Recording, findings_of, inertial_prior
+from dynid.diagnosis.residual import fits, presliding_of, reference
 from dynid.diagnosis.whole_signals import whole_signals
 from dynid.robot import RobotModel
 from dynid.signals import process

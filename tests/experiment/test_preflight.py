@@ -138,7 +138,7 @@ def test_what_cannot_be_judged_must_be_accepted_by_name() -> None:
     assert found.verdict == "unjudged"
     # A height of the floor helps no robot without bodies: it is refused.
     (floor,) = (item for item in found.unjudged if item.kind == "environment")
-    assert "[[body]]" in floor.next_step
+    assert "[[capsule]]" in floor.next_step
 
 
 def test_the_tool_is_compared_with_the_controllers() -> None:

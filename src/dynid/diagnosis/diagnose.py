@@ -17,7 +17,8 @@ from dynid.diagnosis.events import (
 )
 from dynid.diagnosis.explain import Explained, Explanation, explain
 from dynid.diagnosis.hypotheses import COUPLED, LEAST_DELAY_S
-from dynid.diagnosis.residual import ROWS, SHAPES, Recording, inertial_prior, reference
+from dynid.diagnosis.prior import inertial_prior
+from dynid.diagnosis.residual import ROWS, SHAPES, Recording, reference
 from dynid.recording import ExperimentRecord, at_limit
 from dynid.robot import RobotModel
 from dynid.signals import ProcessingSettings, Samples, process

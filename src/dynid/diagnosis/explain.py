@@ -14,15 +14,14 @@ from dynid.diagnosis.hypotheses import (
     hypotheses,
     left_out,
     score,
-    with_payload,
 )
+from dynid.diagnosis.prior import inertial_prior, with_payload
 from dynid.diagnosis.residual import (
     BLOCKS,
     Fits,
     Recording,
     Reference,
     fits,
-    inertial_prior,
     presliding_of,
     reference,
     settled,
@@ -155,7 +154,8 @@ def explain(
         found.append(_explanation(first, admitted[1:], before))
         if best.kind == "payload":
             # Part of the last link: other faults and the load of friction know of it.
-            prior = with_payload(prior, recording.robot, first)
+            width = best.holding(first.values)
+            prior = with_payload(prior, recording.robot, first.values, width)
         elif best.undo is None:
             added.append(replace(best, width=best.holding(first.values)))
         else:

@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array
+from dynid.diagnosis.prior import of_the_last_link
 from dynid.diagnosis.residual import BLOCKS, LEAST_ERROR, Fits, Recording, Reference, solution
 from dynid.regressor import InverseDynamicModel, motor_turns
-from dynid.robot import RobotModel, from_pseudo_inertia
+from dynid.robot import RobotModel
 
 Undo = Callable[[Recording, Array], Recording]
 """The recording without a fault of the sizes (m)."""
@@ -205,28 +206,8 @@ def _at_the_flange(ref: Reference) -> tuple[Array, float]:
     """
     n = ref.recording.robot.joints
     last = ref.columns[10 * (n - 1) : 10 * n]
-    body = np.tensordot(_of_the_last_link(ref.recording.robot), last, axes=1)
+    body = np.tensordot(of_the_last_link(ref.recording.robot), last, axes=1)
     return body, PAYLOAD * float(ref.mean[: 10 * n : 10].sum())
-
-
-def _of_the_last_link(robot: RobotModel) -> Array:
-    """(10, 10) the last link's parameters (columns) of a body at the flange, see there."""
-    place = np.append(robot.flange[:3, 3], 1.0)
-    out = np.eye(10)
-    out[0] = from_pseudo_inertia(np.outer(place, place))
-    return out
-
-
-def with_payload(
-    prior: tuple[Array, Array], robot: RobotModel, found: Scored
-) -> tuple[Array, Array]:
-    """A prior by which the last link carries a payload that was found, or one like it."""
-    mean, covariance = (part.copy() for part in prior)
-    moves = _of_the_last_link(robot)
-    mean[-10:] += found.values @ moves
-    moves = found.hypothesis.holding(found.values)[:, None] * moves
-    covariance[-10:, -10:] += moves.T @ moves
-    return mean, covariance
 
 
 def _payload_change(ref: Reference, values: Array) -> Hypothesis:

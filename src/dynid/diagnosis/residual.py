@@ -11,10 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dynid.constraints import prior_link
 from dynid.core import Array, Mask
-from dynid.identification import CENTRE_SPREAD_M, MASS_SPREAD, TENSOR_SPREAD
-from dynid.identification import inertial_prior as completed_inertias
 from dynid.regressor import (
     CHUNK,
     FrictionTerms,
@@ -23,7 +20,7 @@ from dynid.regressor import (
     friction_state,
     motor_turns,
 )
-from dynid.robot import RobotModel, from_pseudo_inertia, inverse, move, to_pseudo_inertia
+from dynid.robot import RobotModel
 from dynid.signals import find_period
 
 BLOCKS = 8
@@ -39,13 +36,7 @@ WORTH_ANOTHER = 1.0
 """Drop of the left-out negative log likelihood for another than the first of them [nats]."""
 SLOW = 0.2
 """Share of a joint's usual top speed below which it is slow."""
-DRAWS = 300
 SWEEPS = 8
-UNKNOWN_LENGTH_M = 0.5
-UNKNOWN_MASS, UNKNOWN_CENTRE, UNKNOWN_THICK, UNKNOWN_TENSOR = 1.0, 0.3, 0.1, 0.5
-"""... of guessed links: log of the mass; centre and least thickness, shares of the longest; log."""
-BALL_M = 0.03
-"""Published tensors may be rough: a body is at least as thick as a ball of this radius."""
 FRICTION_SPREAD = 2.0
 """Standard deviation of a friction torque over that of the joint's torque."""
 NARROWEST = 1e-4
@@ -115,60 +106,6 @@ class Recording:
         """The recording without rows in which a joint is slow: no column has all friction there."""
         speed = np.abs(self.dq)
         return self.without(speed < SLOW * np.percentile(speed, 98, axis=0))
-
-
-def inertial_prior(robot: RobotModel) -> tuple[Array, Array]:
-    """(10 n) inertial parameters and (10 n, 10 n) their covariance, from what is published.
-
-    Bodies are drawn about the published ones, so that the covariance knows that a heavier link
-    has larger moments. Where a mass is unpublished, they are drawn about a uniform rod along the
-    link whose mass is unknown: its centre is still beside the link, not anywhere.
-    """
-    n = robot.joints
-    steps = np.concatenate([robot.placements[1:, :3, 3], robot.flange[None, :3, 3]])
-    longest = float(np.linalg.norm(steps, axis=1).max()) or UNKNOWN_LENGTH_M
-    draw = np.random.default_rng(0)
-    mean, covariance = np.zeros(10 * n), np.zeros((10 * n, 10 * n))
-    frames = robot.parameter_frames[robot.default_frames]
-    guessed = completed_inertias(robot, robot.default_frames).parameters
-    usual = float(guessed[:, 0].mean())
-    for k in range(n):
-        part, place = slice(10 * k, 10 * k + 10), inverse(frames[k])
-        if robot.published[k]:
-            tensor = UNKNOWN_TENSOR if np.isnan(robot.inertias[k]).any() else TENSOR_SPREAD
-            row, spreads = prior_link(robot, k), (MASS_SPREAD, CENTRE_SPREAD_M, tensor)
-            thick = BALL_M / np.sqrt(5)
-        else:
-            # Axes of wrists meet, where no length tells a mass: too much is safer than too little.
-            row = move(guessed[k], frames[k]) * max(1.0, usual / guessed[k, 0])
-            spreads = (UNKNOWN_MASS, UNKNOWN_CENTRE * longest, UNKNOWN_TENSOR)
-            thick = UNKNOWN_THICK * longest
-        drawn = from_pseudo_inertia(place @ _drawn(draw, row, thick, *spreads) @ place.T)
-        mean[part] = move(row, place)
-        covariance[part, part] = np.cov(drawn.T) + 1e-10 * np.eye(10)
-    return mean, covariance
-
-
-def _drawn(
-    draw: np.random.Generator,
-    row: Array,
-    thick_m: float,
-    mass_log: float,
-    centre_m: float,
-    tensor_log: float,
-) -> Array:
-    """The pseudo-inertias (DRAWS, 4, 4) of bodies near another."""
-    normal = draw.normal(size=(DRAWS, 7))
-    pseudo = to_pseudo_inertia(row)
-    centre = pseudo[:3, 3] / row[0]
-    size, axes = np.linalg.eigh(pseudo[:3, :3] - row[0] * np.outer(centre, centre))
-    sizes = np.maximum(size, row[0] * thick_m**2) * np.exp(tensor_log * normal[:, :3])
-    factor = np.exp(mass_log * normal[:, 3])
-    levers = np.ones((DRAWS, 4))
-    levers[:, :3] = centre + centre_m * normal[:, 4:]
-    bodies = (row[0] * factor)[:, None, None] * levers[:, :, None] * levers[:, None]
-    bodies[:, :3, :3] += (axes * (factor[:, None] * sizes)[:, None]) @ axes.T
-    return bodies
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
