@@ -22,7 +22,7 @@ from dynid.bench import cases, recorded
 from dynid.bench.plants import plant
 from dynid.bench.verdicts import FAULTS, SAME, SIZES, Case, Judged, Recorded, run_verdicts
 from dynid.core import Array, one_thread
-from dynid.diagnosis import findings_of, inertial_prior
+from dynid.diagnosis import findings_of, link_prior
 from dynid.diagnosis.diagnose import recording_of
 from dynid.diagnosis.hypotheses import hypotheses
 from dynid.diagnosis.residual import Recording, Reference
@@ -47,7 +47,7 @@ def standing_out(case: Case, joint: int | None) -> float:
         every = np.arange(n)
         columns[(12 + k) * n + every, every] = shape.friction(rec.dq, rec.tau, step).T
     columns = rec.average(columns)
-    prior = inertial_prior(rec.robot)
+    prior = link_prior(rec.robot)
     size = np.sqrt(np.square(rec.tau).mean(axis=0))
     tops = [np.maximum(np.abs(x).max(axis=0), 1e-6) for x in (rec.dq, rec.ddq)]
     spread = np.concatenate([*(3 * size / top for top in tops), np.full(2 * n, 2.0)])
@@ -62,6 +62,7 @@ def standing_out(case: Case, joint: int | None) -> float:
         precision=precision,
         load=prior[0],
         shapes=slice(12 * n, 14 * n),
+        period=0,
     )
     weights = rec.block / np.square(real.torque_noise)
     inner = np.einsum("pjt,qjt,j->pq", columns, columns, weights) + precision

@@ -20,7 +20,7 @@ from dynid.diagnosis import (
     diagnose,
     explain,
     findings_of,
-    inertial_prior,
+    link_prior,
 )
 from dynid.diagnosis.diagnose import finding_of, recording_of
 from dynid.diagnosis.events import torque_deviations
@@ -68,7 +68,7 @@ def test_noise_is_that_of_the_rows_that_count(tmp_path: Path) -> None:
     half = np.arange(len(rec.t)) % 2 == 0
     noise: list[np.ndarray] = []
     for one in (rec, rec.without(half)):
-        found, _ = fits(reference(one, inertial_prior(robot)))
+        found, _ = fits(reference(one, link_prior(robot)))
         noise.append(np.sqrt(found.counts / found.rows / found.weights))
     assert noise[1] == pytest.approx(noise[0], rel=0.1)
 
@@ -205,7 +205,7 @@ def test_friction_of_a_coupled_motor_bends_no_gear(tmp_path: Path) -> None:
     turns = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 1.0]])
     robot = replace(robot, drives=replace(robot.drives, coupling=turns))
     samples = process(recording(Wrong(coupled=1.0)), robot, ProcessingSettings())
-    ref = reference(recording_of(robot, samples), inertial_prior(robot))
+    ref = reference(recording_of(robot, samples), link_prior(robot))
     names = ref.recording.model.names
     values = np.zeros(len(ref.columns))
     values[[names.index("Fcm3"), names.index("Fvm3")]] = 5.0
@@ -457,6 +457,7 @@ def test_torques_are_as_unsure_as_parameters_leave_them(tmp_path: Path) -> None:
     [
         (Wrong(carried=4.0, scales=(1.0, 1.2, 1.0)), "drive_gain", 1.2),
         (Wrong(carried=4.0, tilt_deg=2.0), "mounting", np.radians(2.0)),
+        (Wrong(carried=4.0, coupled=0.5), "coupled_friction", 0.5),
     ],
 )
 def test_a_fault_beside_a_payload_has_its_own_size(

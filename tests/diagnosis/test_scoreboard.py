@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dynid.bench import Case, Judged, Plant, Recorded, arm, plant, recorded, run_verdicts, summarise
-from dynid.diagnosis import Recording, findings_of, inertial_prior
+from dynid.diagnosis import Recording, findings_of, link_prior
 from dynid.diagnosis.residual import fits, presliding_of, reference
 from dynid.diagnosis.whole_signals import whole_signals
 from dynid.robot import RobotModel
@@ -218,7 +218,7 @@ def test_light_links_of_an_unpublished_arm_are_fitted_as_well_as_heavy_ones() ->
     """Of a hundredth of the torques, 12 to 32 times as much was left of four joints."""
     made = recorded(Case(arm="ur10e", motion="fourier", rate_hz=125.0, duration_s=10.0, seed=1))
     unknown = replace(made.robot, inertias=np.full_like(made.robot.inertias, np.nan))
-    rec, prior = as_recording(replace(made, robot=unknown), block=1), inertial_prior(unknown)
+    rec, prior = as_recording(replace(made, robot=unknown), block=1), link_prior(unknown)
     left: list[np.ndarray] = []
     for lighter in (1.0, 0.01):
         ref = reference(replace(rec, tau=lighter * rec.tau), prior)
@@ -235,7 +235,7 @@ def test_friction_builds_up_over_the_distance_that_it_did(fault: str | None) -> 
         size="large",
     )  # fmt: skip
     made, real = recorded(case), plant(arm(case.arm), case.seed)
-    rec, prior = as_recording(made, block=5), inertial_prior(made.robot)
+    rec, prior = as_recording(made, block=5), link_prior(made.robot)
     for one in (rec, rec.without(rec.t % 4.0 < 1.0)):
         ref = reference(one, prior)
         sums, values = fits(ref)
@@ -257,7 +257,7 @@ def test_torques_without_any_error_need_nothing_put_right() -> None:
         if (arm, fault) == ("ur3", "commanded")
     ]
     made = recorded(case)
-    prior = inertial_prior(made.robot)
+    prior = link_prior(made.robot)
     ref = reference(as_recording(made, block=1), prior)
     assert whole_signals(ref, *fits(ref), prior) == []
 

@@ -6,7 +6,7 @@ from dynid.diagnosis.events import contact_stretches as contact_stretches
 from dynid.diagnosis.explain import Explained as Explained
 from dynid.diagnosis.explain import Explanation as Explanation
 from dynid.diagnosis.explain import explain as explain
-from dynid.diagnosis.prior import inertial_prior as inertial_prior
+from dynid.diagnosis.prior import link_prior as link_prior
 from dynid.diagnosis.residual import Recording as Recording
 from dynid.diagnosis.verdict import USELESS_PREDICTION as USELESS_PREDICTION
 from dynid.diagnosis.verdict import Answer as Answer

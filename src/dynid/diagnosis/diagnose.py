@@ -17,7 +17,7 @@ from dynid.diagnosis.events import (
 )
 from dynid.diagnosis.explain import Explained, Explanation, explain
 from dynid.diagnosis.hypotheses import COUPLED, LEAST_DELAY_S
-from dynid.diagnosis.prior import inertial_prior
+from dynid.diagnosis.prior import link_prior
 from dynid.diagnosis.residual import ROWS, SHAPES, Recording, reference
 from dynid.recording import ExperimentRecord, at_limit
 from dynid.robot import RobotModel
@@ -131,7 +131,7 @@ def diagnose(
     if robot.joints > MOST_JOINTS:
         text = f"faults of recordings are looked for on arms of up to {MOST_JOINTS} joints"
         return (Finding("not_diagnosed", text, value=robot.joints, unit="1"),)
-    prior = inertial_prior(robot)
+    prior = link_prior(robot)
     plain = ProcessingSettings(start_s=settings.start_s, stop_s=settings.stop_s)
     best: dict[tuple[str, tuple[int, ...]], tuple[float, list[Finding]]] = {}
     others: list[Finding] = []

@@ -15,7 +15,7 @@ from dynid.diagnosis.hypotheses import (
     left_out,
     score,
 )
-from dynid.diagnosis.prior import inertial_prior, with_payload
+from dynid.diagnosis.prior import link_prior, with_payload
 from dynid.diagnosis.residual import (
     BLOCKS,
     Fits,
@@ -103,10 +103,10 @@ def explain(
 
     Args:
         recording: The recording.
-        prior: Of its robot, from `inertial_prior`; None to have it made.
+        prior: Of its robot, from `link_prior`; None to have it made.
         offsets: Whether clocks of torques and motion may be apart.
     """
-    prior = inertial_prior(recording.robot) if prior is None else prior
+    published = prior = link_prior(recording.robot) if prior is None else prior
     n = recording.robot.joints
     found: list[Explanation] = []
     added: list[Hypothesis] = []
@@ -145,7 +145,7 @@ def explain(
             first = _turned(fitted, prior, added, first)
             if not right and any(e.kind not in COUPLED for e in found):
                 # What was found without them may be an effect of theirs.
-                recording, added = told, []
+                recording, prior, added = told, published, []
                 found = [e for e in found if e.kind in COUPLED]
                 for undo, turns in coupled:
                     recording = undo(recording, turns)
@@ -163,7 +163,7 @@ def explain(
         fitted = _fitted(recording, prior, added, None if best.kind == "payload" else links)
     if any(e.kind == "clock_offset" and abs(e.value) < STEP_S / 2 for e in found):
         # Corrected until nothing was left of it: it was none.
-        return explain(told, prior, offsets=False)
+        return explain(told, published, offsets=False)
     # Turns about several axes do not add up.
     turn = angle_between(told.robot.gravity, ref.recording.robot.gravity)
     found = [replace(e, value=turn) if e.kind == "mounting" else e for e in found]

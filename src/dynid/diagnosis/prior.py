@@ -4,8 +4,7 @@ import numpy as np
 
 from dynid.constraints import prior_link
 from dynid.core import Array
-from dynid.identification import CENTRE_SPREAD_M, MASS_SPREAD, TENSOR_SPREAD
-from dynid.identification import inertial_prior as completed_inertias
+from dynid.identification import CENTRE_SPREAD_M, MASS_SPREAD, TENSOR_SPREAD, inertial_prior
 from dynid.robot import RobotModel, from_pseudo_inertia, inverse, move, to_pseudo_inertia
 
 DRAWS = 300
@@ -16,7 +15,7 @@ BALL_M = 0.03
 """Published tensors may be rough: a body is at least as thick as a ball of this radius."""
 
 
-def inertial_prior(robot: RobotModel) -> tuple[Array, Array]:
+def link_prior(robot: RobotModel) -> tuple[Array, Array]:
     """(10 n) inertial parameters and (10 n, 10 n) their covariance, from what is published.
 
     Bodies are drawn about the published ones, so that the covariance knows that a heavier link
@@ -29,7 +28,7 @@ def inertial_prior(robot: RobotModel) -> tuple[Array, Array]:
     draw = np.random.default_rng(0)
     mean, covariance = np.zeros(10 * n), np.zeros((10 * n, 10 * n))
     frames = robot.parameter_frames[robot.default_frames]
-    guessed = completed_inertias(robot, robot.default_frames).parameters
+    guessed = inertial_prior(robot, robot.default_frames).parameters
     usual = float(guessed[:, 0].mean())
     for k in range(n):
         part, place = slice(10 * k, 10 * k + 10), inverse(frames[k])

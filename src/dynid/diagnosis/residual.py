@@ -195,7 +195,7 @@ def reference(
 
     Args:
         recording: The recording.
-        prior: From `inertial_prior`.
+        prior: From `link_prior`.
         inertial: (10 n) parameters that the load of friction is taken from; None for the prior's.
         added: (m, n, T) columns of explanations that were found before, averaged.
         spread: (m) their standard deviations.
