@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import stat
 from collections.abc import Callable
 from pathlib import Path
@@ -132,4 +133,10 @@ def test_units_are_those_of_the_joints(
     estimate = dynid.read_estimate(recordings.estimate)
     result = dynid.validate(estimate, dynid.read_record(recordings.validation))
     print_metrics(console(), "Prediction", result, (False, True, *(False,) * 4))
-    assert "RMS errors in N·m, N where sliding" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "RMS errors in N·m, N where sliding" in told
+    # Newtons and newton metres do not add.
+    assert "all joints" not in told
+    second = result.metrics.relative_error_percent[1]
+    assert re.search(rf"sliding joints: {second:.3g} % of the torque.*e_N \S+ N with N", told)
+    assert re.search(r"turning joints: \S+ % of the torque.*e_N \S+ N·m with N", told)

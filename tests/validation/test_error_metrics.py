@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dynid.validation import Metrics
-from dynid.validation.prediction import metrics
+from dynid.validation import Metrics, errors_by_kind, metrics
 
 FORMULA = 1e-12
 KEYS = [
@@ -51,6 +50,22 @@ def test_every_metric_is_its_formula() -> None:
     assert found.relative_error_overall_percent == pytest.approx(
         100 * np.linalg.norm(error) / np.linalg.norm(measured), rel=FORMULA
     )
+
+
+def test_newtons_and_newton_metres_do_not_add() -> None:
+    """A heavy slide hides nothing of light turning joints, nor the other way round."""
+    measured, predicted = _torques(3)
+    moves = np.abs(measured) > 5
+    found = errors_by_kind(measured, predicted, moves, (True, False, False))
+    assert list(found) == ["turning", "sliding"]
+    for j, kind in (([1, 2], "turning"), ([0], "sliding")):
+        whole, moving = found[kind]
+        assert whole.to_json() == metrics(measured[:, j], predicted[:, j]).to_json()
+        assert moving.to_json() == metrics(measured[:, j], predicted[:, j], moves[:, j]).to_json()
+    for alike in (True, False):
+        (whole, moving) = errors_by_kind(measured, predicted, moves, [alike] * 3)["all"]
+        assert whole.to_json() == metrics(measured, predicted).to_json()
+        assert moving.to_json() == metrics(measured, predicted, moves).to_json()
 
 
 @pytest.mark.parametrize("repeats", [4, 9])

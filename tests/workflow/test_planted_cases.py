@@ -1,13 +1,17 @@
-"""The verdict on five planted cases: good, ill-conditioned, over-fitted, wrong gains, mounting."""
+"""The verdict on planted cases: good, ill-conditioned, over-fitted, wrong gains, mounting."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import dynid
+from dynid.bench import Case
+from dynid.bench import recorded as bench_recorded
 from dynid.robot import with_mount
+from dynid.validation import metrics
 
 ROBOT = dynid.load_robot("ur5")
 PAPER = dynid.IdentifySettings(preset="paper")
@@ -93,3 +97,25 @@ def test_wrong_mounting() -> None:
     found, codes = judged((recorded(1, robot=robot), recorded(2, robot=robot)))
     assert found.level == "do_not_use"
     assert "mounting" in codes
+
+
+@pytest.mark.usefixtures("undiagnosed_once")
+def test_a_heavy_slide_does_not_hide_the_joints_that_it_carries() -> None:
+    """Newtons are not added to newton metres."""
+    made = bench_recorded(
+        Case(arm="sliding", motion="fourier", rate_hz=125.0, duration_s=10.0, seed=1)
+    )
+    result = dynid.identify(made.record, made.robot, PAPER, validation=made.validation)
+    assert dynid.verdict(result).prediction.answer == "yes"
+    true = result.validation
+    assert true is not None
+    unseen = np.where(made.robot.prismatic, true.predicted, 0.0)
+    other = replace(
+        true,
+        predicted=unseen,
+        metrics=metrics(true.measured, unseen),
+        moving=metrics(true.measured, unseen, true.moves),
+    )
+    wrong = dynid.verdict(replace(result, validation=other)).prediction
+    assert wrong.answer == "no"
+    assert wrong.value == pytest.approx(100.0, abs=1.0)  # less their noise

@@ -25,6 +25,7 @@ def print_metrics(
 ) -> None:
     """Print the errors of a prediction, joint by joint and overall."""
     from dynid.figures import joint_unit
+    from dynid.validation import errors_by_kind
 
     unit = joint_unit("N.m", prismatic)
     whole, moving, rest = result.metrics, result.moving, result.at_rest
@@ -35,11 +36,16 @@ def print_metrics(
         for j in range(len(whole.rmse))
     ]
     show.print_table(screen, f"{title}: RMS errors in {unit}", COLUMNS, rows)
-    screen.print(
-        f"all joints: {show.number(whole.relative_error_overall_percent, 3)} % of the torque, "
-        f"{show.number(moving.relative_error_overall_percent, 3)} % while moving; "
-        f"e_N {show.number(whole.normalized_error, 3)} {unit} with N = {whole.samples}"
-    )
+    for kind, (every, swift) in errors_by_kind(
+        result.measured, result.predicted, result.moves, prismatic
+    ).items():
+        screen.print(
+            f"{kind} joints: {show.number(every.relative_error_overall_percent, 3)} % of the "
+            f"torque, {show.number(swift.relative_error_overall_percent, 3)} % while moving; "
+            f"e_N {show.number(every.normalized_error, 3)} "
+            f"{joint_unit('N.m', [kind == 'sliding'] if kind != 'all' else prismatic)} "
+            f"with N = {every.samples}"
+        )
     if result.covered is not None:
         held = " ".join(f"{100 * share:.0f}" for share in result.covered)
         screen.print(f"90 % intervals hold {held} % of the torques of joints 1 to {len(rows)}")
@@ -275,7 +281,7 @@ def validate_command(
     """Prediction error on another recording (paper 3.1)."""
     from dynid.diagnosis import with_rests
     from dynid.identification import open_estimate
-    from dynid.validation import CAUSES
+    from dynid.validation import CAUSES, errors_by_kind
     from dynid.workflow import validate_files
 
     if output is not None:
@@ -296,8 +302,13 @@ def validate_command(
         return
     screen = show.console()
     slides = open_estimate(estimate, at).model.robot.prismatic
-    errors = (m.relative_error_overall_percent for m in (result.moving, result.metrics))
-    shown = with_rests(*(f"{show.number(error, 3)} %" for error in errors))
+    told: list[str] = []
+    for kind, parts in errors_by_kind(
+        result.measured, result.predicted, result.moves, slides
+    ).items():
+        whole, moving = (f"{show.number(e.relative_error_overall_percent, 3)} %" for e in parts)
+        told.append(with_rests(moving, whole) + (f" ({kind} joints)" if kind != "all" else ""))
+    shown = ", ".join(told)
     screen.print(f"Predicts the torque of this recording to {shown}", style="bold")
     print_metrics(screen, "Prediction", result, slides)
     if result.transfer is not None:

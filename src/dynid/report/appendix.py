@@ -23,7 +23,7 @@ from dynid.report.figures import (
     singular_figure,
 )
 from dynid.report.screens import LEVEL_WORDS
-from dynid.validation import ValidationResult, uncertainty_over_poses
+from dynid.validation import ValidationResult, errors_by_kind, uncertainty_over_poses
 
 SAMPLES = 1000
 QUANTITIES = (("position", "rad"), ("velocity", "rad/s"), ("acceleration", "rad/s^2"))
@@ -197,9 +197,14 @@ def _errors(item: ReportedEstimate, shown: ValidationResult) -> Table:
         (name, *(draw.number(float(part[j])) for part in parts), draw.number(float(whole.r2[j])))
         for j, name in enumerate(joint_labels(robot.joint_names))
     ]
-    overall = (whole.relative_error_overall_percent, moving.relative_error_overall_percent)
-    rows.append(("all joints", "", "", *(draw.number(value) for value in overall), ""))
-    rows.append((f"e_N (N = {whole.samples})", draw.number(whole.normalized_error), "", "", "", ""))
+    for kind, errors in errors_by_kind(
+        shown.measured, shown.predicted, shown.moves, robot.prismatic
+    ).items():
+        overall = (draw.number(part.relative_error_overall_percent) for part in errors)
+        rows.append((f"{kind} joints", "", "", *overall, ""))
+        (every, _), of_kind = errors, "" if kind == "all" else f", {kind} joints"
+        label = f"e_N{of_kind} (N = {every.samples})"
+        rows.append((label, draw.number(every.normalized_error), "", "", "", ""))
     columns = (f"RMS [{unit}]", f"RMS, moving [{unit}]", "relative [%]", "relative, moving [%]")
     return Table(("joint", *columns, "R²"), rows)
 

@@ -4,11 +4,13 @@ from dynid.validation.comparison import CAUSES as CAUSES
 from dynid.validation.comparison import ParameterComparison as ParameterComparison
 from dynid.validation.comparison import compare as compare
 from dynid.validation.comparison import refit_friction as refit_friction
+from dynid.validation.error_metrics import Metrics as Metrics
+from dynid.validation.error_metrics import errors_by_kind as errors_by_kind
+from dynid.validation.error_metrics import metrics as metrics
 from dynid.validation.observer import ContactThresholds as ContactThresholds
 from dynid.validation.observer import MomentumObserver as MomentumObserver
 from dynid.validation.observer import contact_thresholds as contact_thresholds
 from dynid.validation.prediction import MOVING_SPEED as MOVING_SPEED
-from dynid.validation.prediction import Metrics as Metrics
 from dynid.validation.prediction import PoseUncertainty as PoseUncertainty
 from dynid.validation.prediction import ValidationResult as ValidationResult
 from dynid.validation.prediction import another_robot as another_robot

@@ -1,4 +1,4 @@
-"""Predict the torques of another record and measure the error: the METRICS of the design.
+"""Predict the torques of another record and measure the error.
 
 And whether it was made with another payload than the record that was identified from.
 """
@@ -29,73 +29,12 @@ from dynid.signals import (
     was_smoothed,
 )
 from dynid.validation.comparison import TransferReport, transfer_report
+from dynid.validation.error_metrics import Metrics, metrics
 
 MOVING_SPEED = 0.02
 """A joint moves above this speed [rad/s or m/s]; below it friction hides the torque."""
 MOVING_SHARE = 0.1
 """Or above this share of its velocity limit, where that is less: a lift makes 0.01 m/s."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Metrics:
-    """Errors of a prediction, a joint and overall."""
-
-    samples: int
-    """N; in a split, joint samples over joints."""
-    normalized_error: float
-    """The paper's e_N = (1/N) sqrt(e'e) over all joints [N.m]; falls as 1/sqrt(N)."""
-    rmse: Array
-    """(n) root mean square error [N.m or N]; NaN for a joint without samples."""
-    nrmse: Array
-    """(n) RMS error over the range of the measured torque."""
-    relative_error_percent: Array
-    """(n) 100 ||e|| / ||tau|| [%]."""
-    relative_error_overall_percent: float
-    """The same over all joints [%]."""
-    r2: Array
-    """(n) 1 - ||e||^2 / ||tau - mean||^2."""
-
-    def to_json(self) -> dict[str, Any]:
-        """A JSON object; null where there is nothing to measure."""
-        return plain(self)
-
-
-def metrics(measured: Array, predicted: Array, mask: Mask | None = None) -> Metrics:
-    """Metrics of predicted torques (N, n) [N.m or N], of the samples that a mask (N, n) marks."""
-    counted = np.ones(measured.shape, dtype=bool) if mask is None else mask.astype(bool)
-    joints = measured.shape[1]
-    columns: list[tuple[float, float, float, float]] = []
-    square = energy = 0.0
-    for j in range(joints):
-        torque, error = measured[counted[:, j], j], (measured - predicted)[counted[:, j], j]
-        squares = float(np.square(error).sum())
-        norm = float(np.square(torque).sum())
-        square, energy = square + squares, energy + norm
-        if len(torque) == 0:
-            columns.append((np.nan, np.nan, np.nan, np.nan))
-            continue
-        rms = np.sqrt(squares / len(torque))
-        reach = float(np.ptp(torque))
-        # Rounding of the mean would give a constant torque a spread.
-        spread = float(np.square(torque - torque.mean()).sum()) if reach > 0 else 0.0
-        relative = 100 * np.sqrt(_ratio(squares, norm))
-        columns.append((rms, _ratio(rms, reach), relative, 1 - _ratio(squares, spread)))
-    rmse, nrmse, relative_error, r2 = np.array(columns).T
-    samples = counted.sum() / joints
-    return Metrics(
-        samples=round(samples),
-        normalized_error=_ratio(np.sqrt(square), samples),
-        rmse=rmse,
-        nrmse=nrmse,
-        relative_error_percent=relative_error,
-        relative_error_overall_percent=100 * np.sqrt(_ratio(square, energy)),
-        r2=r2,
-    )
-
-
-def _ratio(above: float, below: float) -> float:
-    return above / below if below > 0 else np.nan
-
 
 LEFT = 0.2
 """Share of the squared error that a payload has to leave at most."""

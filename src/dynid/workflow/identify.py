@@ -14,14 +14,20 @@ from typing import Any
 import numpy as np
 
 from dynid import recording
-from dynid.core import Finding, InputError, Progress, Workers, one_thread, plain, told
+from dynid.core import Finding, InputError, Mask, Progress, Workers, one_thread, plain, told
 from dynid.diagnosis import USELESS_PREDICTION, Verdict, diagnose, judge
 from dynid.export import simulator_obstacle
 from dynid.identification import Estimate
 from dynid.robot import RobotLike, RobotModel, load_robot, with_carried
 from dynid.settings import IdentifySettings
 from dynid.trajectory import JointMotion
-from dynid.validation import ValidationResult, another_robot, reproduce, validate
+from dynid.validation import (
+    ValidationResult,
+    another_robot,
+    errors_by_kind,
+    reproduce,
+    validate,
+)
 from dynid.workflow.choosing import (
     asked_processing,
     made_from,
@@ -312,8 +318,7 @@ def verdict(result: Identification) -> Verdict:
     judged = result.validation if confirmed and result.validation is not None else result.training
     expected, whole, noise = None, None, noise_percent(judged)
     if confirmed:
-        expected = judged.moving.relative_error_overall_percent
-        whole = judged.metrics.relative_error_overall_percent
+        expected, whole, noise = _judged_errors(judged, estimate.model.robot.prismatic)
     elif estimate.assessment is not None:
         left_out = estimate.assessment
         expected = left_out.expected_error_percent
@@ -335,12 +340,25 @@ def verdict(result: Identification) -> Verdict:
     )
 
 
-def noise_percent(result: ValidationResult) -> float:
+def _judged_errors(
+    result: ValidationResult, prismatic: tuple[bool, ...]
+) -> tuple[float, float, float]:
+    """Error in motion, that of all rows, and noise [%]: of turning or sliding joints, the worse."""
+    errors = errors_by_kind(result.measured, result.predicted, result.moves, prismatic)
+    moving = {kind: parts[1].relative_error_overall_percent for kind, parts in errors.items()}
+    worst = max(moving, key=lambda kind: np.nan_to_num(moving[kind], nan=-1.0))
+    joints = [worst == "all" or slides == (worst == "sliding") for slides in prismatic]
+    whole = errors[worst][0].relative_error_overall_percent
+    return moving[worst], whole, noise_percent(result, np.array(joints))
+
+
+def noise_percent(result: ValidationResult, joints: Mask | None = None) -> float:
     """Noise of the torques of moving joints as a share of them [%]: what no model predicts.
 
-    From differences of the error from sample to sample, so that a slow error is no noise.
+    Of those joints (n) that a mask marks. From differences of the error from sample to sample, so
+    that a slow error is no noise.
     """
-    moving = result.moves[1:]
+    moving = result.moves[1:] if joints is None else result.moves[1:] & joints
     steps = np.square(np.diff(result.measured - result.predicted, axis=0))[moving]
     torque = np.square(result.measured[1:])[moving].sum()
     return float(100 * np.sqrt(steps.sum() / 2 / torque)) if torque > 0 else 0.0

@@ -1,0 +1,89 @@
+"""Errors of predicted torques: the METRICS of the design."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dynid.core import Array, Mask, plain
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Metrics:
+    """Errors of a prediction, a joint and overall."""
+
+    samples: int
+    """N; in a split, joint samples over joints."""
+    normalized_error: float
+    """The paper's e_N = (1/N) sqrt(e'e) over all joints [N.m]; falls as 1/sqrt(N)."""
+    rmse: Array
+    """(n) root mean square error [N.m or N]; NaN for a joint without samples."""
+    nrmse: Array
+    """(n) RMS error over the range of the measured torque."""
+    relative_error_percent: Array
+    """(n) 100 ||e|| / ||tau|| [%]."""
+    relative_error_overall_percent: float
+    """The same over all joints [%]."""
+    r2: Array
+    """(n) 1 - ||e||^2 / ||tau - mean||^2."""
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object; null where there is nothing to measure."""
+        return plain(self)
+
+
+def metrics(measured: Array, predicted: Array, mask: Mask | None = None) -> Metrics:
+    """Metrics of predicted torques (N, n) [N.m or N], of the samples that a mask (N, n) marks."""
+    counted = np.ones(measured.shape, dtype=bool) if mask is None else mask.astype(bool)
+    joints = measured.shape[1]
+    columns: list[tuple[float, float, float, float]] = []
+    square = energy = 0.0
+    for j in range(joints):
+        torque, error = measured[counted[:, j], j], (measured - predicted)[counted[:, j], j]
+        squares = float(np.square(error).sum())
+        norm = float(np.square(torque).sum())
+        square, energy = square + squares, energy + norm
+        if len(torque) == 0:
+            columns.append((np.nan, np.nan, np.nan, np.nan))
+            continue
+        rms = np.sqrt(squares / len(torque))
+        reach = float(np.ptp(torque))
+        # Rounding of the mean would give a constant torque a spread.
+        spread = float(np.square(torque - torque.mean()).sum()) if reach > 0 else 0.0
+        relative = 100 * np.sqrt(_ratio(squares, norm))
+        columns.append((rms, _ratio(rms, reach), relative, 1 - _ratio(squares, spread)))
+    rmse, nrmse, relative_error, r2 = np.array(columns).T
+    samples = counted.sum() / joints
+    return Metrics(
+        samples=round(samples),
+        normalized_error=_ratio(np.sqrt(square), samples),
+        rmse=rmse,
+        nrmse=nrmse,
+        relative_error_percent=relative_error,
+        relative_error_overall_percent=100 * np.sqrt(_ratio(square, energy)),
+        r2=r2,
+    )
+
+
+def _ratio(above: float, below: float) -> float:
+    return above / below if below > 0 else np.nan
+
+
+def errors_by_kind(
+    measured: Array, predicted: Array, moves: Mask, prismatic: Sequence[bool]
+) -> dict[str, tuple[Metrics, Metrics]]:
+    """Errors of all rows and of those in motion, of all joints or of turning and sliding ones.
+
+    Torques (N, n) [N.m or N] of an arm some of whose joints (n) slide have `turning` and
+    `sliding` in place of `all`: newton metres and newtons do not add.
+    """
+    slides = np.array(prismatic, dtype=bool)
+    kinds = {"turning": ~slides, "sliding": slides}
+    if slides.all() or not slides.any():
+        kinds = {"all": np.ones_like(slides)}
+    found: dict[str, tuple[Metrics, Metrics]] = {}
+    for kind, j in kinds.items():
+        torques = measured[:, j], predicted[:, j]
+        found[kind] = metrics(*torques), metrics(*torques, moves[:, j])
+    return found
