@@ -307,9 +307,10 @@ def validate_command(
         result.measured, result.predicted, result.moves, slides
     ).items():
         whole, moving = (f"{show.number(e.relative_error_overall_percent, 3)} %" for e in parts)
-        told.append(with_rests(moving, whole) + (f" ({kind} joints)" if kind != "all" else ""))
-    shown = ", ".join(told)
-    screen.print(f"Predicts the torque of this recording to {shown}", style="bold")
+        told.append(
+            (" to " if kind == "all" else f", {kind} joints to ") + with_rests(moving, whole)
+        )
+    screen.print(f"Predicts the torque of this recording{''.join(told)}", style="bold")
     print_metrics(screen, "Prediction", result, slides)
     if result.transfer is not None:
         split = result.transfer
