@@ -10,6 +10,8 @@ import pytest
 import dynid
 from dynid.bench import Case
 from dynid.bench import recorded as bench_recorded
+from dynid.identification.selection.assessment import Assessment
+from dynid.identification.selection.regions import TorqueInterval
 from dynid.robot import with_mount
 from dynid.validation import metrics
 
@@ -125,3 +127,19 @@ def test_a_heavy_slide_does_not_hide_the_joints_that_it_carries() -> None:
             moving=metrics(measured, predicted, true.moves),
         )
         assert dynid.verdict(replace(result, validation=other)).prediction.answer == "no"
+    # Without another motion what was left out decides, and does not add them either.
+    torque = np.where(slides, 1e4, 1.0)
+    left_out = Assessment(
+        anywhere=np.where(slides, 100.0, 0.9), this_motion=torque, noise_floor=0.01 * torque,
+        torque=torque, models={}, pays=None,
+        interval=TorqueInterval(
+            root=np.zeros((len(result.estimate.values), 1)), sigma=torque, scale=torque,
+            slowest=1e-3 * torque, quantiles=np.ones((2, len(torque), 6)),
+        ),
+    )  # fmt: skip
+    assert left_out.expected_error_percent < 2.0
+    alone = replace(result, validation=None)
+    for anywhere, answer in ((left_out.anywhere, "no"), (0.02 * torque, "yes")):
+        told = replace(left_out, anywhere=anywhere)
+        known = replace(alone, estimate=replace(alone.estimate, assessment=told))
+        assert dynid.verdict(known).prediction.answer == answer

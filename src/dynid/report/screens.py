@@ -12,6 +12,7 @@ from dynid.diagnosis import Answer
 from dynid.figures import joint_unit, number
 from dynid.report.contents import ReportContents, ReportedEstimate, joint_labels
 from dynid.report.figures import MODEL_NAMES, MODEL_ROLES, worst_first
+from dynid.validation import DecidingErrors, ValidationResult, deciding_errors
 
 PRECISE_PERCENT = 10.0
 """Relative standard deviation up to which a parameter is counted as precise."""
@@ -63,12 +64,17 @@ def headline(item: ReportedEstimate) -> str:
     if item.level == "do_not_use":
         return "This result must not be used"
     if item.validation is not None:
-        error = shown.moving.relative_error_overall_percent
-        return f"Predicts torque to {_percent(error)} on another motion"
+        return f"Predicts torque to {_percent(_errors(item, shown).moving)} on another motion"
     told = item.estimate.assessment
     if told is not None:
-        return f"Expected to predict torque to {_percent(told.expected_error_percent)}"
+        expected, _ = told.deciding_percent(item.estimate.model.robot.prismatic)
+        return f"Expected to predict torque to {_percent(expected)}"
     return "Fits its own recording; no other motion has confirmed it"
+
+
+def _errors(item: ReportedEstimate, shown: ValidationResult) -> DecidingErrors:
+    slides = item.estimate.model.robot.prismatic
+    return deciding_errors(shown.measured, shown.predicted, shown.moves, slides)
 
 
 def _percent(value: float) -> str:
@@ -82,9 +88,8 @@ def lead(item: ReportedEstimate) -> str:
     if item.validation is not None:
         tested = ", ".join(item.tested)
         text = f"{text}, validated on another motion" + (f" ({tested})" if tested else "")
-        shown = item.validation
-        parts = (shown.moving, shown.metrics)
-        moving, whole = (_percent(part.relative_error_overall_percent) for part in parts)
+        errors = _errors(item, item.validation)
+        moving, whole = _percent(errors.moving), _percent(errors.whole)
         return f"{text}." if moving == whole else f"{text}: {moving} in motion, {whole} with rests."
     return f"{text}; no other motion has been predicted."
 
@@ -95,10 +100,11 @@ def purposes(item: ReportedEstimate) -> tuple[PurposeAnswer, ...]:
         return ()
     estimate, shown = item.estimate, item.shown
     names = joint_labels(estimate.model.robot.joint_names)
-    error = float("nan") if shown is None else shown.moving.relative_error_overall_percent
+    error = float("nan") if shown is None else _errors(item, shown).moving
     unit = "% of torque in motion"
     if item.validation is None and estimate.assessment is not None:
-        error, unit = estimate.assessment.expected_error_percent, "% of torque"
+        error, _ = estimate.assessment.deciding_percent(estimate.model.robot.prismatic)
+        unit = "% of torque"
     detail = ""
     if shown is not None:
         by_joint = shown.moving.relative_error_percent

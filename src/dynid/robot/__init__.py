@@ -26,6 +26,7 @@ from dynid.robot.model import RobotModel as RobotModel
 from dynid.robot.model import SafetyLimits as SafetyLimits
 from dynid.robot.model import Tool as Tool
 from dynid.robot.model import carried as carried
+from dynid.robot.model import joints_by_kind as joints_by_kind
 from dynid.robot.model import with_carried as with_carried
 from dynid.robot.model import with_tool as with_tool
 from dynid.robot.robotfile import builtin_names as builtin_names

@@ -1,7 +1,7 @@
 """The robot as a value: a serial chain with mounting, limits, drives and collision bodies."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Any
@@ -357,6 +357,17 @@ def with_tool(
         mass, *com = np.asarray(payload, dtype=np.float64).tolist()
         tool = replace(tool, mass=mass, com=np.array(com))
     return robot if tool is robot.tool else replace(robot, tool=tool)
+
+
+def joints_by_kind(prismatic: Sequence[bool]) -> dict[str, Mask]:
+    """Which joints (n) are `turning` and which `sliding`, or `all` where they are of one kind.
+
+    Newtons and newton metres do not add: what is summed over joints is summed over those.
+    """
+    slides = np.array(prismatic, dtype=bool)
+    if slides.all() or not slides.any():
+        return {"all": np.ones_like(slides)}
+    return {"turning": ~slides, "sliding": slides}
 
 
 def carried(robot: RobotModel) -> Array:

@@ -4,7 +4,9 @@ from dynid.validation.comparison import CAUSES as CAUSES
 from dynid.validation.comparison import ParameterComparison as ParameterComparison
 from dynid.validation.comparison import compare as compare
 from dynid.validation.comparison import refit_friction as refit_friction
+from dynid.validation.error_metrics import DecidingErrors as DecidingErrors
 from dynid.validation.error_metrics import Metrics as Metrics
+from dynid.validation.error_metrics import deciding_errors as deciding_errors
 from dynid.validation.error_metrics import errors_by_kind as errors_by_kind
 from dynid.validation.error_metrics import metrics as metrics
 from dynid.validation.observer import ContactThresholds as ContactThresholds

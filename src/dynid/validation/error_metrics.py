@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, Mask, plain
+from dynid.robot import joints_by_kind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,12 +79,44 @@ def errors_by_kind(
     Torques (N, n) [N.m or N] of an arm some of whose joints (n) slide have `turning` and
     `sliding` in place of `all`: newton metres and newtons do not add.
     """
-    slides = np.array(prismatic, dtype=bool)
-    kinds = {"turning": ~slides, "sliding": slides}
-    if slides.all() or not slides.any():
-        kinds = {"all": np.ones_like(slides)}
     found: dict[str, tuple[Metrics, Metrics]] = {}
-    for kind, j in kinds.items():
+    for kind, j in joints_by_kind(prismatic).items():
         torques = measured[:, j], predicted[:, j]
         found[kind] = metrics(*torques), metrics(*torques, moves[:, j])
     return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DecidingErrors:
+    """Errors that decide whether a model predicts, as shares of the torque [%]."""
+
+    moving: float
+    """Of moving joints."""
+    whole: float
+    """Of all samples."""
+    noise: float
+    """What of `moving` no model predicts."""
+
+
+def deciding_errors(
+    measured: Array, predicted: Array, moves: Mask, prismatic: Sequence[bool]
+) -> DecidingErrors:
+    """Errors of all joints; of an arm with both kinds, of the kind that errs more beyond noise.
+
+    Torques (N, n) [N.m or N]. The noise comes from differences of the error from sample to sample,
+    so that a slow error is none.
+    """
+    found: list[DecidingErrors] = []
+    kinds = joints_by_kind(prismatic)
+    for kind, (whole, moving) in errors_by_kind(measured, predicted, moves, prismatic).items():
+        counted = moves[1:] & kinds[kind]
+        steps = np.square(np.diff(measured - predicted, axis=0))[counted].sum()
+        torque = np.square(measured[1:])[counted].sum()
+        found.append(
+            DecidingErrors(
+                moving=moving.relative_error_overall_percent,
+                whole=whole.relative_error_overall_percent,
+                noise=float(100 * np.sqrt(steps / 2 / torque)) if torque > 0 else 0.0,
+            )
+        )
+    return max(found, key=lambda one: np.nan_to_num(one.moving**2 - one.noise**2, nan=-np.inf))

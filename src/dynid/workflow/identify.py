@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from dynid import recording
-from dynid.core import Finding, InputError, Mask, Progress, Workers, one_thread, plain, told
+from dynid.core import Finding, InputError, Progress, Workers, one_thread, plain, told
 from dynid.diagnosis import USELESS_PREDICTION, Verdict, diagnose, judge
 from dynid.export import simulator_obstacle
 from dynid.identification import Estimate
@@ -24,7 +24,7 @@ from dynid.trajectory import JointMotion
 from dynid.validation import (
     ValidationResult,
     another_robot,
-    errors_by_kind,
+    deciding_errors,
     reproduce,
     validate,
 )
@@ -313,19 +313,18 @@ def verdict(result: Identification) -> Verdict:
     Left-out parts of its own record count where no other recording was predicted.
     """
     estimate, kinds = result.estimate, {f.kind for f in result.warnings}
-    fit = result.training.moving.relative_error_overall_percent
     confirmed = result.validation is not None and "same_record" not in kinds
     judged = result.validation if confirmed and result.validation is not None else result.training
-    expected, whole, noise = None, None, noise_percent(judged)
+    slides = estimate.model.robot.prismatic
+    errors = deciding_errors(judged.measured, judged.predicted, judged.moves, slides)
+    expected, whole, noise = None, None, errors.noise
     if confirmed:
-        expected, whole, noise = _judged_errors(judged, estimate.model.robot.prismatic)
+        expected, whole = errors.moving, errors.whole
     elif estimate.assessment is not None:
-        left_out = estimate.assessment
-        expected = left_out.expected_error_percent
-        size = float(np.linalg.norm(left_out.torque))
-        noise = 100 * float(np.linalg.norm(left_out.noise_floor)) / max(size, 1e-12)
-    elif not fit <= USELESS_PREDICTION:
-        expected = fit if np.isfinite(fit) else USELESS_PREDICTION + fit
+        expected, noise = estimate.assessment.deciding_percent(slides)
+    elif not errors.moving <= USELESS_PREDICTION:
+        found = errors.moving
+        expected = found if np.isfinite(found) else USELESS_PREDICTION + found
     with np.errstate(invalid="ignore"):
         uncertain = float(np.mean(~(estimate.relative_std_percent < POOR_DEVIATION)))
     return judge(
@@ -338,31 +337,3 @@ def verdict(result: Identification) -> Verdict:
         obstacle=simulator_obstacle(estimate),
         whole_percent=whole,
     )
-
-
-def _judged_errors(
-    result: ValidationResult, prismatic: tuple[bool, ...]
-) -> tuple[float, float, float]:
-    """Error in motion, that of all rows, and noise [%].
-
-    Of turning or of sliding joints, where an arm has both: of those that err more beyond noise.
-    """
-    found: list[tuple[float, float, float]] = []
-    errors = errors_by_kind(result.measured, result.predicted, result.moves, prismatic)
-    for kind, (whole, moving) in errors.items():
-        joints = [kind == "all" or slides == (kind == "sliding") for slides in prismatic]
-        parts = (moving.relative_error_overall_percent, whole.relative_error_overall_percent)
-        found.append((*parts, noise_percent(result, np.array(joints))))
-    return max(found, key=lambda one: np.nan_to_num(one[0] ** 2 - one[2] ** 2, nan=-np.inf))
-
-
-def noise_percent(result: ValidationResult, joints: Mask | None = None) -> float:
-    """Noise of the torques of moving joints as a share of them [%]: what no model predicts.
-
-    Of those joints (n) that a mask marks. From differences of the error from sample to sample, so
-    that a slow error is no noise.
-    """
-    moving = result.moves[1:] if joints is None else result.moves[1:] & joints
-    steps = np.square(np.diff(result.measured - result.predicted, axis=0))[moving]
-    torque = np.square(result.measured[1:])[moving].sum()
-    return float(100 * np.sqrt(steps.sum() / 2 / torque)) if torque > 0 else 0.0

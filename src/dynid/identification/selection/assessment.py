@@ -20,6 +20,7 @@ from dynid.identification.selection.regions import (
     stretches,
 )
 from dynid.identification.selection.scoring import gain_of
+from dynid.robot import joints_by_kind
 
 SCALES = tuple(float(s) for s in np.geomspace(1.0, 100.0, 21))
 """Factors of the leverage that are tried: 1 is what white residuals do to the parameters."""
@@ -56,6 +57,16 @@ class Assessment:
     def expected_error_percent(self) -> float:
         """Root-sum-square of the errors anywhere over that of the torques [%]."""
         return 100.0 * float(np.linalg.norm(self.anywhere) / max(np.linalg.norm(self.torque), 1e-9))
+
+    def deciding_percent(self, prismatic: Sequence[bool]) -> tuple[float, float]:
+        """That error and what of it is noise [%]; see `dynid.validation.deciding_errors`."""
+        found: list[tuple[float, float]] = []
+        for joints in joints_by_kind(prismatic).values():
+            size = max(float(np.linalg.norm(self.torque[joints])), 1e-9)
+            parts = (self.anywhere[joints], self.noise_floor[joints])
+            error, noise = (100.0 * float(np.linalg.norm(part)) / size for part in parts)
+            found.append((error, noise))
+        return max(found, key=lambda one: one[0] ** 2 - one[1] ** 2)
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
