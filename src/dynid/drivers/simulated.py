@@ -81,8 +81,9 @@ class SimulatedDriver(Driver):
             raise InputError(
                 "joints of the motion", value=setpoints.shape[1], limit=self.arm.robot.joints
             )
-        plant = SimulatedPlant(self.arm, rate_hz=execution.rate_hz, thermal=self._temperature)
-        plant.reset(setpoints[0])
+        plant = SimulatedPlant(
+            self.arm, rate_hz=execution.rate_hz, thermal=self._temperature, pose=setpoints[0]
+        )
         watchdog = Watchdog(execution.limits, execution.rate_hz, execution.total)
         block: list[PlantState] = []
         abort: Abort | None = None

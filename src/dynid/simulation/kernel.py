@@ -259,12 +259,14 @@ class Tracker:
         self._rate = arm.servo.filter_rate(cycle)
         self._step = cycle / steps
         self._target, self._setpoints = np.zeros((2, n)), np.zeros((2, n))
-        self._way, self._speed = np.zeros((steps, n)), np.zeros((steps, n))
+        self._references = np.zeros((steps, 3, n))
         self._part = np.arange(steps)[:, None] / steps
         bodies = list(zip(controller.masses.tolist(), controller.com, strict=True))
         believed = np.array([link_parameters(mass, com, _POINT) for mass, com in bodies])
         self._model = mujoco_model(arm.robot, believed, np.zeros(n), self._step)
-        self._data = mujoco.MjData(self._model)
+        self._data = data = mujoco.MjData(self._model)
+        # Asked once, see `SimulatedPlant`.
+        self._motion, self._torque = (data.qpos, data.qvel, data.qacc), data.qfrc_inverse
         self._inverse = mujoco.mj_inverse
         self._mujoco = mujoco
         self._bare = bodies[-1]
@@ -335,16 +337,17 @@ class Tracker:
 
         Returns:
             (steps, 3, n) target position, target velocity and feed-forward at the start of each
-            physics step.
+            physics step; the next call overwrites it.
         """
         self._setpoints[0] = self._setpoints[1]
         self._setpoints[1] = setpoint
-        plan_target(self._target, self._setpoints, self._rate, self._step, self._way, self._speed)
+        way, speed, torque = self._references.swapaxes(0, 1)
+        plan_target(self._target, self._setpoints, self._rate, self._step, way, speed)
         before, self.now = self.now, self._reached()
         # The model is evaluated once a cycle; a straight line in between leaves no steps in the
         # torque that the recorded acceleration could not explain.
-        torque = before.feedforward + self._part * (self.now.feedforward - before.feedforward)
-        return np.stack([self._way, self._speed, torque], axis=1)
+        torque[:] = before.feedforward + self._part * (self.now.feedforward - before.feedforward)
+        return self._references
 
     def _reached(self) -> Target:
         """The target at the end of the cycle planned last."""
@@ -356,10 +359,9 @@ class Tracker:
 
     def _evaluate(self, q: Array, dq: Array, ddq: Array) -> Array:
         """(n) torques of the believed links in a motion [N.m]."""
-        data = self._data
-        data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
-        self._inverse(self._model, data)
-        return np.array(data.qfrc_inverse)
+        self._motion[0][:], self._motion[1][:], self._motion[2][:] = q, dq, ddq
+        self._inverse(self._model, self._data)
+        return self._torque.copy()
 
     def _restore(self) -> None:
         # What is asked about the target afterwards must be about the target.

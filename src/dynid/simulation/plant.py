@@ -27,15 +27,21 @@ class SimulatedPlant:
         arm: The simulated arm.
         rate_hz: Control cycles a second.
         thermal: `cold`, `warm`, one temperature or one a joint [degC].
+        pose: Where it stands first (n) [rad or m]; None for zeros.
 
     Raises:
-        InputError: A rate outside 10 to 1000 Hz, a thermal state that is none, or inertias that
-            no rigid body has.
+        InputError: A rate outside 10 to 1000 Hz, a thermal state or pose that is none, or inertias
+            that no rigid body has.
         MissingExtraError: MuJoCo is not installed.
     """
 
     def __init__(
-        self, arm: SimulatedArm, *, rate_hz: float = 125.0, thermal: Thermal = "cold"
+        self,
+        arm: SimulatedArm,
+        *,
+        rate_hz: float = 125.0,
+        thermal: Thermal = "cold",
+        pose: ArrayLike | None = None,
     ) -> None:
         if not 10 <= rate_hz <= 1000:
             raise InputError("control rate", value=rate_hz, limit="10 to 1000 Hz")
@@ -52,7 +58,7 @@ class SimulatedPlant:
         """The controller's side: targets and the arm that it believes in."""
         self._load_physics()
         self._load_constants()
-        self.reset(np.zeros(arm.robot.joints))
+        self.reset(np.zeros(arm.robot.joints) if pose is None else pose)
 
     def reset(self, q: ArrayLike) -> None:
         """Stand still at a pose (n) [rad or m], servo on, until joints settled under their load.
@@ -268,15 +274,13 @@ def simulate(
     """
     if periods < 1:
         raise InputError("periods must be positive", value=periods)
-    plant = SimulatedPlant(arm, rate_hz=rate_hz, thermal=thermal)
+    first = trajectory.evaluate(np.zeros(1)).q[0]
+    if len(first) != arm.robot.joints:
+        raise InputError("joints of the trajectory", value=len(first), limit=arm.robot.joints)
+    plant = SimulatedPlant(arm, rate_hz=rate_hz, thermal=thermal, pose=first)
+    start = plant.temperature
     count = max(round(trajectory.duration * periods * rate_hz), 2)
     command = trajectory.evaluate(np.arange(count) / rate_hz)
-    if command.q.shape[1] != arm.robot.joints:
-        raise InputError(
-            "joints of the trajectory", value=command.q.shape[1], limit=arm.robot.joints
-        )
-    start = plant.temperature
-    plant.reset(command.q[0])
     truth = stacked([plant.tick(setpoint) for setpoint in command.q])
     signals = recorded(arm.truth, truth, np.random.default_rng(seed))
     return SimulatedRun(

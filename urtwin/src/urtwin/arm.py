@@ -53,7 +53,7 @@ class ControlledArm:
         self.upper = np.nan_to_num(self.limits.upper, nan=np.inf).tolist()
         self.fastest = np.nan_to_num(self.limits.velocity, nan=np.inf).tolist()
         self.kinematics = ToolKinematics(arm.robot)
-        self.plant = SimulatedPlant(arm, rate_hz=rate_hz, thermal=thermal)
+        self.plant = SimulatedPlant(arm, rate_hz=rate_hz, thermal=thermal, pose=pose)
         self.cycle = self.plant.cycle
         self._seed = seed
         self._generator = np.random.default_rng(seed)
@@ -66,7 +66,6 @@ class ControlledArm:
         self._stopping: list[float] | None = None
         self.still = 0
         """Cycles for which the set point has not moved."""
-        self.plant.reset(self.setpoint)
         self.state: PlantState = self.plant.tick(self.setpoint)
         self._measure()
 
