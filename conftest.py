@@ -4,10 +4,12 @@ import gc
 import importlib
 import os
 import signal
+import sys
 from collections.abc import Iterator
 
 import pytest
 from hypothesis import settings
+from tests.forked_controllers import fork_controllers
 
 # Two workers on two cores: threads of a linear algebra library would wait for each other, which
 # costs small matrices more than half of their time. Set before NumPy is imported; children take
@@ -29,6 +31,8 @@ settings.load_profile("dynid")
 
 def pytest_collection_finish() -> None:
     """What was imported and collected stays: the collector of garbage need not look at it again."""
+    if "urtwin.command" in sys.modules:
+        fork_controllers(sys.modules["urtwin.command"])
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 50)

@@ -26,6 +26,12 @@ BAD_USAGE = {
 }
 
 
+@pytest.fixture(autouse=True)
+def as_users_start_it(monkeypatch):
+    """Not forked, see tests/forked_controllers.py."""
+    monkeypatch.setattr("urtwin.command.subprocess", subprocess)
+
+
 def test_bad_usage_is_told_in_one_line_each():
     # One process for all: what should be refused would else run for ever in this one.
     code = (
