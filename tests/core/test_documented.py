@@ -73,3 +73,17 @@ def test_fields_of_exported_classes_are_documented_with_shapes() -> None:
                 bare.append(f"{name}.{field}: {kind}")
     assert bare == []
     assert seen > 200
+
+
+def test_files_that_documents_name_are_there() -> None:
+    """Those of an older commit are named with it."""
+    root = Path(__file__).parents[2]
+    gone: list[str] = []
+    for page in [*root.glob("*.md"), *root.glob("docs/*.md"), *root.glob("urtwin/*.md")]:
+        for name, commit in re.findall(
+            r"`([\w.-]+/[\w./-]*\.py|src/[\w/]+)`( of commit)?", page.read_text()
+        ):
+            places = [root, page.parent, root / "src" / "dynid", root / "urtwin" / "src" / "urtwin"]
+            if not commit and not any((place / name).exists() for place in places):
+                gone.append(f"{page.name}: {name}")
+    assert not gone
