@@ -46,6 +46,8 @@ def serve(link: socket.socket) -> None:
 def _watch(request: dict[str, Any], out: int, err: int, end: int) -> None:
     """Fork once more, tell the number of that process, and how it ended."""
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    # Closed by the end of the child, the only one who keeps the other end.
+    lives, child_lives = os.pipe()
     child = os.fork()
     if child == 0:
         os.close(end)
@@ -61,9 +63,10 @@ def _watch(request: dict[str, Any], out: int, err: int, end: int) -> None:
         return
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.close(out)
+    os.close(child_lives)
     os.write(end, f"{child}\n".encode())
     ended = select.poll()
-    ended.register(os.pidfd_open(child), select.POLLIN)
+    ended.register(lives, select.POLLIN)
     # Of a pipe that nobody reads any more: whoever asked is gone.
     ended.register(end, 0)
     ended.poll()
