@@ -9,7 +9,8 @@ from collections.abc import Iterator
 
 import pytest
 from hypothesis import settings
-from tests.forked_controllers import fork_controllers
+
+from forked_controllers import fork_controllers
 
 # Two workers on two cores: threads of a linear algebra library would wait for each other, which
 # costs small matrices more than half of their time. Set before NumPy is imported; children take
