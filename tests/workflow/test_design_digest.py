@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -181,6 +182,26 @@ def test_a_scene_that_was_edited_must_be_given_again(
         check_design(plan, judge)
     again = check(path, scene=made[0] / "scene.json")
     assert again.certificate.verdict == untouched
+
+
+def test_the_scene_s_own_file_must_not_have_changed_unnoticed(
+    made: tuple[Path, str], untouched: str, tmp_path: Path
+) -> None:
+    """A wall that was put there since is in no certificate."""
+    own, path = tmp_path / "scene.json", tmp_path / "design.json"
+    path.write_text(made[1].replace(str(made[0] / "scene.json"), str(own)))
+    moved = read_design(path)
+    assert moved.limits is not None
+    for shapes in (SCENE["shapes"], [], None):
+        if shapes is None:
+            own.unlink()
+        else:
+            own.write_text(json.dumps({**SCENE, "shapes": shapes}))
+        _, judge = judge_of(replace(moved, changed=()), RunSettings())
+        causes = [cause for item in judge.unjudged for cause in item.causes]
+        assert any("scene.json was edited" in cause for cause in causes) == (shapes == [])
+    own.write_text(json.dumps({**SCENE, "shapes": []}))
+    assert check(path, scene=made[0] / "scene.json").certificate.verdict == untouched
 
 
 @pytest.mark.parametrize("name", ["no margin", "less clearance", "collisions off", "the limits"])

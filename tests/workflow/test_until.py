@@ -6,12 +6,13 @@ import json
 import math
 import os
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from designed_arm import written_arm
 
-from dynid import DesignSettings, IdentifySettings, design
+from dynid import DesignSettings, IdentifySettings, design, identify, read_record
 from dynid.cli.app import main
 from dynid.core import InputError, JobError
 from dynid.experiment import stop_on_signals
@@ -44,6 +45,14 @@ def test_what_one_run_reaches_ends_the_rounds(first: Path, tmp_path: Path) -> No
     # Twice the period halves the variance that the design promises for one.
     promised = json.loads(first.read_text())["design"]["predicted_torque_error_percent"]
     assert told.expected_percent == pytest.approx(promised / math.sqrt(2), rel=1e-6)
+    # Of a run that was stopped, the design promises what is left.
+    record = read_record(tmp_path / "run.parquet")
+    half = record.samples // 2
+    signals = {name: values[:half] for name, values in record.signals.items()}
+    stopped = replace(record, t=record.t[:half], signals=signals, channels={})
+    one_period = identify([stopped], first.parent / "small.toml", QUICK["identification"]).accuracy
+    assert one_period is not None
+    assert one_period.expected_percent == pytest.approx(promised, rel=0.01)
     found.raise_if_missed()
     assert sorted(p.name for p in tmp_path.glob("*.parquet")) == ["run.parquet"]
 

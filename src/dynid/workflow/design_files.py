@@ -335,13 +335,15 @@ def judge_of(design: StoredDesign, asked: SceneSettings) -> tuple[DesignLimits, 
     """What a design is held to, and the judge of it.
 
     Limits that were edited in the file hold where they are stricter than the usual ones. Without
-    the scene of the certificate, or one that is asked for, the environment is unjudged.
+    the scene of the certificate, or one that is asked for, the environment is unjudged; also where
+    the scene's own file says something else by now.
 
     Raises:
         InputError: A scene that makes no sense, or one that would not be looked at.
     """
     base, usual = design.limits, DesignLimits()
     moved = base is not None and "scene" in design.changed
+    stale = base is not None and _stale(base)
     if base is not None and "limits" in design.changed:
         margin = max(base.margin_percent, usual.margin_percent)
         base = replace(base, margin_percent=margin, clearance=max(base.clearance, usual.clearance))
@@ -349,14 +351,21 @@ def judge_of(design: StoredDesign, asked: SceneSettings) -> tuple[DesignLimits, 
         base = replace(base, floor=usual.floor)
     held = given_limits(asked, base)
     judge = held.constraints(design.robot)
-    if moved and asked.scene is None and judge.settings.self_collision:
+    if (moved or stale) and asked.scene is None and judge.settings.self_collision:
+        what = "the scene was" if moved or base is None else f"{base.scene_file} was"
         lost = Unjudged(
             kind="environment",
-            causes=("the scene was edited since the motion was certified",),
+            causes=(f"{what} edited since the motion was certified",),
             next_step='Pass the scene: --scene SCENE.json ({"shapes": []} for an empty one).',
         )
         judge.unjudged = (*judge.unjudged, lost)
     return held, judge
+
+
+def _stale(limits: DesignLimits) -> bool:
+    """Whether the file of the scene is still there and is not what was certified."""
+    file = Path(limits.scene_file)
+    return limits.scene is not None and file.is_file() and load_object(file).values != limits.scene
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

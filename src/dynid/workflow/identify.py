@@ -107,7 +107,7 @@ def accuracy(
     told = estimate.assessment
     if told is None:
         return None
-    promises = [float(r.metadata.extra.get(PROMISED, "nan")) for r in records]
+    promises = [_promised(r) for r in records]
     left = np.square(told.anywhere).sum() - np.square(told.noise_floor).sum()
     size = max(float(np.linalg.norm(told.torque)), 1e-12)
     spread = math.sqrt(UNSURE * float(np.power(told.noise_floor, 4).sum()) / estimate.samples)
@@ -120,6 +120,17 @@ def accuracy(
         noise_percent=_noise_percent(estimate, motions),
         left_out="regions" if len(records) == 1 else "recordings",
     )
+
+
+def _promised(record: recording.AnyRecording) -> float:
+    """What its design promises for as much of it as was recorded [%]; NaN where nothing is."""
+    held = record.metadata.extra
+    percent, period, periods = (
+        float(held.get(name, "nan")) for name in (PROMISED, "period_s", "periods")
+    )
+    # The noise of a run that was stopped is averaged over less.
+    share = period * periods * record.rate_hz / max(record.samples, 1)
+    return percent * math.sqrt(share) if share > 1.01 else percent
 
 
 def _noise_percent(estimate: Estimate, motions: Sequence[JointMotion]) -> float:
