@@ -104,7 +104,7 @@ def test_a_design_from_the_page_is_played_and_certified(page: Page) -> None:
     until(page, lambda: ended(page))
     state = page.state()
     assert state["job"]["level"] in ("good", "warn"), state["job"]
-    assert "Condition number" in state["job"]["words"]
+    assert "condition number" in state["job"]["words"]
     assert (state["motion"], state["files"]["design"]) == ("design.json", "design_2.json")
     verdict = session.verdict.certificate
     assert verdict is not None

@@ -37,7 +37,9 @@ def _print_certificate(screen: Console, data: Mapping[str, Any]) -> None:
             else:
                 nothing.append(kind.replace("_", " "))
             continue
-        left = f"{1000 * margin:.1f} mm apart" if key.endswith("_m") else f"{100 * margin:.1f} %"
+        left = f"{100 * margin:.1f} %"
+        if key.endswith("_m"):
+            left = f"{abs(1000 * margin):.1f} mm {'apart' if margin >= 0 else 'within each other'}"
         time, least = worst["t"], worst["required"]
         rows.append(
             (

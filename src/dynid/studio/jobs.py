@@ -321,7 +321,10 @@ def _design(job: Job, talk: ParentTalk) -> dict[str, Any]:
     found = design(job.source, settings, output=job.output, progress=talk.progress, watch=talk.best)
     result = found.to_json()
     early = ", stopped early" if result["interrupted"] else ""
-    words = f"Condition number {result['condition_number']:.4g}, {result['certificate']}{early}"
+    worth = f"condition number {result['condition_number']:.4g}"
+    if (percent := result["predicted_torque_error_percent"]) is not None:
+        worth = f"expected torque error {percent:.2g} %, {worth}"
+    words = f"{worth[0].upper()}{worth[1:]}, {result['certificate']}{early}"
     return result | {"words": words, "level": "good" if result["feasible"] else "warn"}
 
 

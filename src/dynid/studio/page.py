@@ -286,7 +286,7 @@ class Page:
         options: dict[str, Any] = {
             "criterion": asked.text("criterion"),
             "period_s": asked.number("period_s"),
-            "harmonics": asked.whole("harmonics"),
+            "harmonics": None if asked.get("harmonics") is None else asked.whole("harmonics"),
             "budget_s": asked.number("budget_s"),
             "seed": asked.whole("seed"),
             "mount": None if session.robot.mount == "file" else session.robot.mount,

@@ -21,7 +21,7 @@ export function h(tag, props = {}, ...children) {
 
 // What was typed survives a new drawing of the panel.
 const typed = {
-  criterion: "prediction", period_s: 10, harmonics: 5, budget_s: 15, seed: 0, target: "sim", repeat: 3,
+  criterion: "prediction", period_s: 10, harmonics: "", budget_s: 15, seed: 0, target: "sim", repeat: 3,
   slow: false, word: "", record: "", validate: "", preset: "best", kind: "box", to: "urdf", estimate: "",
 };
 const files = {};
@@ -241,7 +241,7 @@ const design = {
       field("Period [s]", "period_s", { type: "number", min: 1, max: 600, step: 0.5 }),
       field("Search time [s]", "budget_s", { type: "number", min: 1, max: 3600, step: 1 }),
       h("details", {}, h("summary", { text: "More" }),
-        field("Harmonics", "harmonics", { type: "number", min: 2, max: 20, step: 1 }),
+        field("Harmonics", "harmonics", { type: "number", min: 2, max: 20, step: 1, placeholder: "up to 1 Hz" }),
         field("Seed", "seed", { type: "number", min: 0, step: 1 }), fileField(app, "design"))));
     const has = app.state.motions.some((m) => m.design);
     fill(app, has ? motionPicker(app, () => true, "Shown") : null, form, sceneEditor(app), marginList(app), poseEditor(app), dropHint(app), notes(app));
@@ -255,7 +255,8 @@ const design = {
   },
   search(app) {
     const { criterion, period_s, harmonics, budget_s, seed } = typed;
-    app.do("design", { criterion, period_s, harmonics, budget_s, seed, file: takeName("design") });
+    const asked = Number.isFinite(harmonics) ? harmonics : null;
+    app.do("design", { criterion, period_s, harmonics: asked, budget_s, seed, file: takeName("design") });
   },
 };
 
