@@ -166,9 +166,10 @@ def test_other_base_sets_are_refused() -> None:
 
 
 def test_warnings_of_either_estimate_are_passed_on() -> None:
-    doubtful = replace(estimate(), warnings=(Finding("ill_conditioned", "really"),))
-    result = compare(estimate(), doubtful)
-    assert [notice.code for notice in result.warnings] == ["ill_conditioned"]
+    told = (Finding("ill_conditioned", "really", severity="error"), Finding("ripple", "one"))
+    result = compare(estimate(), replace(estimate(), warnings=told))
+    found = [(notice.kind, notice.severity) for notice in result.warnings]
+    assert found == [("ill_conditioned", "error"), ("ripple", "info")]
     assert "second" in result.warnings[0].message
 
 

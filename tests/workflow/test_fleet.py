@@ -199,6 +199,12 @@ def test_what_recordings_do_not_say_is_told_and_a_manifest_says_it(
     assert [finding["kind"] for finding in told["findings"]] == ["not_diagnosed"]
     assert told["robots"][0]["robot"] == "r7"
     assert told["robots"][0]["last"] == "2026-02-02T07:00:00+00:00"
+    (folder / "manifest.csv").write_text(
+        "file,robot,time\n0.parquet,r7,2026-02-01\n1.parquet,r7,\n"
+    )
+    assert main(["fleet", str(folder), "-o", str(tmp_path / "out"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert str(told["robots"][0]["last"]).startswith("2026-02-01")
 
 
 @pytest.mark.usefixtures("undiagnosed_once")

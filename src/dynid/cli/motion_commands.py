@@ -324,8 +324,8 @@ def import_command(
         screen.print(f"dropped rows: {data['dropped_rows']}")
     if data["notes"]:
         screen.print(f"notes: {data['notes']}")
-    show.print_notices(screen, "Problems found", data["findings"])
-    if not data["problems"]:
+    show.print_notices(screen, "Findings", data["findings"])
+    if not data["findings"]:
         screen.print("no problems found")
     for need in data["needs"]:
         screen.print(f"dynid identify needs more: {need}", style="bold")

@@ -335,4 +335,4 @@ def _print_comparison(screen: Console, comparison: ParameterComparison, everythi
     show.print_table(screen, title, columns, shown, words=(0, 1))
     if not everything:
         screen.print(f"--all prints all {len(rows)} base parameters in full")
-    show.print_notices(screen, "Warnings", [notice.to_json() for notice in comparison.warnings])
+    show.print_notices(screen, "Findings", [notice.to_json() for notice in comparison.warnings])

@@ -186,9 +186,9 @@ def comparison_warnings(a: Estimate, b: Estimate) -> tuple[Finding, ...]:
         message = "the drive gains differ; parameters from currents are scaled by them"
         found.append(Finding("unit_suspect", message))
     for label, estimate in (("first", a), ("second", b)):
-        codes = sorted({notice.code for notice in estimate.warnings})
-        for code in codes:
-            found.append(Finding(code, f"the {label} estimate has this warning"))
+        told = {notice.kind: notice.severity for notice in estimate.warnings}
+        for kind, severity in sorted(told.items()):
+            found.append(Finding(kind, f"a finding of the {label} estimate", severity=severity))
     return tuple(found)
 
 

@@ -76,7 +76,10 @@ class Fleet:
                 "model": group[0].model,
                 "recordings": len(group),
                 "first": _iso_time(group[0].time_s),
-                "last": _iso_time(group[-1].time_s),
+                # Those without a time come last.
+                "last": _iso_time(
+                    next((o.time_s for o in group[::-1] if np.isfinite(o.time_s)), np.nan)
+                ),
                 "joints": [_joint_row(joint) for joint in self.joints if joint.robot == name],
             }
             for name, group in _by_robot(self.recordings).items()
