@@ -128,8 +128,12 @@ def _promised(record: recording.AnyRecording) -> float:
     percent, period, periods = (
         float(held.get(name, "nan")) for name in (PROMISED, "period_s", "periods")
     )
+    if math.isnan(percent * period * periods):
+        return percent
+    stamps = (record.t,) if isinstance(record, recording.ExperimentRecord) else record.stamps()
+    ends = [float(part[k]) for part in stamps for k in (0, -1)]
     # The noise of a run that was stopped is averaged over less.
-    share = period * periods * record.rate_hz / max(record.samples, 1)
+    share = period * periods / max(ends[-1] - ends[0], 1e-9)
     return percent * math.sqrt(share) if share > 1.01 else percent
 
 
