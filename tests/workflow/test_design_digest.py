@@ -199,7 +199,7 @@ def test_the_scene_s_own_file_must_not_have_changed_unnoticed(
             own.write_text(json.dumps({**SCENE, "shapes": shapes}))
         _, judge = judge_of(replace(moved, changed=()), RunSettings())
         causes = [cause for item in judge.unjudged for cause in item.causes]
-        assert any("scene.json was edited" in cause for cause in causes) == (shapes == [])
+        assert any("scene.json is not the scene" in cause for cause in causes) == (shapes == [])
     own.write_text(json.dumps({**SCENE, "shapes": []}))
     assert check(path, scene=made[0] / "scene.json").certificate.verdict == untouched
 

@@ -336,7 +336,7 @@ def judge_of(design: StoredDesign, asked: SceneSettings) -> tuple[DesignLimits, 
 
     Limits that were edited in the file hold where they are stricter than the usual ones. Without
     the scene of the certificate, or one that is asked for, the environment is unjudged; also where
-    the scene's own file says something else by now.
+    the file of the scene's name says something else by now.
 
     Raises:
         InputError: A scene that makes no sense, or one that would not be looked at.
@@ -352,10 +352,12 @@ def judge_of(design: StoredDesign, asked: SceneSettings) -> tuple[DesignLimits, 
     held = given_limits(asked, base)
     judge = held.constraints(design.robot)
     if (moved or stale) and asked.scene is None and judge.settings.self_collision:
-        what = "the scene was" if moved or base is None else f"{base.scene_file} was"
+        cause = "the scene was edited since the motion was certified"
+        if base is not None and not moved:
+            cause = f"{base.scene_file} is not the scene for which the motion was certified"
         lost = Unjudged(
             kind="environment",
-            causes=(f"{what} edited since the motion was certified",),
+            causes=(cause,),
             next_step='Pass the scene: --scene SCENE.json ({"shapes": []} for an empty one).',
         )
         judge.unjudged = (*judge.unjudged, lost)
@@ -363,7 +365,7 @@ def judge_of(design: StoredDesign, asked: SceneSettings) -> tuple[DesignLimits, 
 
 
 def _stale(limits: DesignLimits) -> bool:
-    """Whether the file of the scene is still there and is not what was certified."""
+    """Whether there is a file of the scene's name, and it is not what was certified."""
     file = Path(limits.scene_file)
     return limits.scene is not None and file.is_file() and load_object(file).values != limits.scene
 

@@ -125,16 +125,15 @@ def accuracy(
 def _promised(record: recording.AnyRecording) -> float:
     """What its design promises for as much of it as was recorded [%]; NaN where nothing is."""
     held = record.metadata.extra
-    percent, period, periods = (
-        float(held.get(name, "nan")) for name in (PROMISED, "period_s", "periods")
-    )
-    if math.isnan(percent * period * periods):
-        return percent
+    if not {PROMISED, "period_s", "periods"} <= held.keys():
+        return float(held.get(PROMISED, "nan"))
+    percent, period, periods = (float(held[name]) for name in (PROMISED, "period_s", "periods"))
     stamps = (record.t,) if isinstance(record, recording.ExperimentRecord) else record.stamps()
     ends = [float(part[k]) for part in stamps for k in (0, -1)]
+    steps = max(record.samples - 1, 1)
+    lasted = (ends[-1] - ends[0]) * record.samples / steps
     # The noise of a run that was stopped is averaged over less.
-    share = period * periods / max(ends[-1] - ends[0], 1e-9)
-    return percent * math.sqrt(share) if share > 1.01 else percent
+    return percent * math.sqrt(max(period * periods / max(lasted, 1e-9), 1.0))
 
 
 def _noise_percent(estimate: Estimate, motions: Sequence[JointMotion]) -> float:
