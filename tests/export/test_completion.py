@@ -173,6 +173,14 @@ def test_impossible_base_parameters_are_said_to_be(tmp_path: Path) -> None:
         assert not done.model.physical
 
 
+def test_distant_centres_of_mass_are_written(tmp_path: Path) -> None:
+    # As bad recordings have it: the tensor about the centre is the difference of 1e9 kg.m^2.
+    truth = parameters_of(UR5, 0)
+    truth[31], truth[33] = 1e4, -3e3
+    done = write_model(estimate_of(UR5, truth), tmp_path / "arm.urdf", "urdf")
+    assert done.verified.passed
+
+
 def test_negative_friction_is_refused_before_loaders_do(tmp_path: Path) -> None:
     truth = parameters_of(UR5, 2)
     truth[61] = -0.5

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from typer.testing import CliRunner
 
 import dynid
 from dynid.cli.app import build
-from dynid.core import InputError
+from dynid.core import Finding, InputError
 from dynid.simulation import cylinder, simulate, simulated_arm, with_payload
 from dynid.workflow.running import record_of
 
@@ -63,6 +64,18 @@ def test_payload(files: tuple[Path, Path]) -> None:
     assert said.startswith(f"No significant payload: below {most:.2g} kg")
     assert "not_physical" in said
     assert most > 0
+
+
+def test_what_recordings_tell_of_themselves_is_passed_on(
+    files: tuple[Path, Path], tmp_path: Path
+) -> None:
+    stopped = Finding("aborted", "aborted after 900 samples: someone pressed stop")
+    cut = tmp_path / "cut.parquet"
+    dynid.write_record(replace(dynid.read_record(files[1]), problems=(stopped,)), cut)
+    for words in (("gains", cut), ("payload", files[0], cut)):
+        found = json.loads(call(*words, "--json"))["findings"]
+        assert [one["code"] for one in found] == ["aborted"]
+        assert "pressed stop" in call(*words)
 
 
 def test_robots_are_not_mixed(files: tuple[Path, Path]) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from dynid.core import InputError
+from dynid.core import Finding, InputError, JobError
 from dynid.identification import fit_law
 from dynid.recording import ExperimentRecord
 from dynid.regressor import parse_terms
@@ -102,6 +104,15 @@ def test_beyond_the_records_it_says_so(found: TemperatureIdentification) -> None
         found.estimate_at([20.0, 30.0])
 
 
+def test_what_a_record_tells_of_itself_is_passed_on(records: list[ExperimentRecord]) -> None:
+    stopped = Finding("aborted", "aborted after 900 samples: someone pressed stop")
+    found = identify_temperature(
+        [records[0], replace(records[2], problems=(stopped,))], ROBOT, SETTINGS
+    )
+    assert found.warnings == (stopped,)
+    assert [stopped in one.warnings for one in found.shared.estimates] == [False, True]
+
+
 def test_inertias_are_one_and_friction_each_record_s(records: list[ExperimentRecord]) -> None:
     shared = identify_shared(records, ROBOT, SETTINGS)
     first, _, last = shared.estimates
@@ -173,6 +184,8 @@ def test_misuse_is_refused(records: list[ExperimentRecord]) -> None:
         identify_temperature([records[0], blind], ROBOT, SETTINGS)
     with pytest.raises(InputError, match="unknown law"):
         fit_law(np.ones((2, 1)), np.eye(2), np.array([20.0, 30.0]), ("Fv",), law="cubic")
+    with pytest.raises(JobError, match="follows from that of another"):
+        fit_law(np.ones((2, 1)), np.ones((2, 2)), np.array([20.0, 30.0]), ("Fv",))
     with pytest.raises(InputError, match="weighted least squares"):
         identify_shared(records, ROBOT, IdentifySettings(estimator="tls"))
     with pytest.raises(InputError, match="at least one record"):

@@ -101,7 +101,7 @@ def fit_law(
 
     Raises:
         InputError: An unknown law.
-        JobError: The exponential law does not converge.
+        JobError: A singular covariance, or an exponential law that does not converge.
     """
     if law not in (*LAWS, "auto"):
         raise InputError("unknown law", value=law, limit=(*LAWS, "auto"))
@@ -124,7 +124,14 @@ def _fit(
     varying = [k for k, s in enumerate(symbols) if law != "constant" and s in VARIES]
     free = [*range(count), *(count + k for k in varying)]
     scale = np.sqrt(np.diag(covariance))
-    root = np.linalg.cholesky(covariance / np.outer(scale, scale))
+    try:
+        root = np.linalg.cholesky(covariance / np.outer(scale, scale))
+    except np.linalg.LinAlgError:
+        raise JobError(
+            "the friction of one record follows from that of another",
+            value=f"{records} records",
+            next_step="Use recordings of separate runs: copies have the same noise.",
+        ) from None
     white = np.asarray(np.linalg.inv(root), dtype=np.float64) / scale
     reference, slope = values.mean(axis=0), np.zeros(count)
     inner = np.zeros((len(free), records * count))

@@ -15,7 +15,7 @@ from dynid.validation.observer import contact_thresholds as contact_thresholds
 from dynid.validation.prediction import MOVING_SPEED as MOVING_SPEED
 from dynid.validation.prediction import PoseUncertainty as PoseUncertainty
 from dynid.validation.prediction import ValidationResult as ValidationResult
-from dynid.validation.prediction import another_robot as another_robot
+from dynid.validation.prediction import record_findings as record_findings
 from dynid.validation.prediction import reproduce as reproduce
 from dynid.validation.prediction import samples_of as samples_of
 from dynid.validation.prediction import uncertainty_over_poses as uncertainty_over_poses

@@ -4,7 +4,7 @@ And whether it was made with another payload than the record that was identified
 """
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,14 @@ from dynid.identification import (
     motion_state,
     open_estimate,
 )
-from dynid.recording import ExperimentRecord, RecordLike, RecordMetadata, identity, open_record
+from dynid.recording import (
+    AnyRecording,
+    ExperimentRecord,
+    RecordLike,
+    RecordMetadata,
+    identity,
+    open_record,
+)
 from dynid.reduction import random_states
 from dynid.robot import RobotModel, builtin_names, joint_poses, load_robot
 from dynid.signals import (
@@ -190,7 +197,7 @@ def validate(
     found = (
         *another_payload(estimate, samples, error),
         *_seen_before(estimate, record, start_s, stop_s),
-        *another_robot(robot, record.metadata),
+        *record_findings(robot, record),
         *result.warnings,
     )
     split = transfer_report(estimate, samples, error)
@@ -262,7 +269,13 @@ def _seen_before(
     )
 
 
-def another_robot(robot: RobotModel, record: RecordMetadata) -> tuple[Finding, ...]:
+def record_findings(robot: RobotModel, *records: AnyRecording) -> tuple[Finding, ...]:
+    """What recordings tell of themselves, once each: another robot; what was found in reading."""
+    found = [(*_another_robot(robot, one.metadata), *one.problems) for one in records]
+    return tuple(dict.fromkeys(chain.from_iterable(found)))
+
+
+def _another_robot(robot: RobotModel, record: RecordMetadata) -> tuple[Finding, ...]:
     """Whether a record says that it is of another type of robot.
 
     Names of built-in robots tell; of others the distances of their axes, where the robot can be

@@ -23,8 +23,8 @@ from dynid.settings import IdentifySettings
 from dynid.trajectory import JointMotion
 from dynid.validation import (
     ValidationResult,
-    another_robot,
     deciding_errors,
+    record_findings,
     reproduce,
     validate,
 )
@@ -239,7 +239,7 @@ def identify(
         for record in (*several, *fitted.records):
             warnings += [
                 notice
-                for notice in (*another_robot(robot, record.metadata), *record.problems)
+                for notice in record_findings(robot, record)
                 if notice not in warnings and (notice.kind, notice.joints) not in named
             ]
         if other is not None:

@@ -19,6 +19,7 @@ from dynid.regressor import FrictionTerms, InverseDynamicModel, LoadFriction
 from dynid.robot import RobotLike, RobotModel, frame_map, from_body, load_robot
 from dynid.settings import IdentifySettings
 from dynid.signals import ProcessingSettings, Samples, process
+from dynid.validation import record_findings
 from dynid.workflow.choosing import asked_processing, choose, made_from
 
 
@@ -116,7 +117,12 @@ def identify_shared(
             choices=words,
             made=made_from(several, settings),
         )
-        estimates = identification.shared_estimates(problem, fit, source)
+        estimates = tuple(
+            replace(one, warnings=(*one.warnings, *record_findings(robot, record)))
+            for one, record in zip(
+                identification.shared_estimates(problem, fit, source), several, strict=True
+            )
+        )
     return SharedIdentification(estimates=estimates, problem=problem, fit=fit)
 
 
@@ -174,9 +180,11 @@ def identify_payload(
     with one_thread():
         plain = InverseDynamicModel(robot=model, friction=friction)
         problem = _problem(without, carrying, plain, cutoff_hz)
-        return identification.payload_of(
+        found = identification.payload_of(
             problem, identification.fit_shared(problem, one_noise=True)
         )
+    told_by = record_findings(model, *without, *carrying)
+    return replace(found, warnings=(*found.warnings, *told_by))
 
 
 def _problem(
@@ -244,7 +252,7 @@ def identify_gains(
             value=f"no {', '.join(missing)}",
             next_step="Record with dynid run, or import with --columns ...,target_current=A:B.",
         )
-    return identification.drive_gains(
+    found = identification.drive_gains(
         record.signals["target_current"],
         record.signals["target_moment"],
         velocity,
@@ -252,6 +260,7 @@ def identify_gains(
         names=model.joint_names,
         width=width,
     )
+    return replace(found, warnings=(*found.warnings, *record_findings(model, record)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -265,7 +274,7 @@ class GainsFromPayload:
     found: identification.WeighedGains
     """The fit behind them."""
     warnings: tuple[Finding, ...]
-    """Joints whose gain the runs do not show."""
+    """Joints whose gain the runs do not show; what the runs tell of themselves."""
 
 
 def identify_gains_from_payload(
@@ -324,7 +333,8 @@ def identify_gains_from_payload(
                 f"{100 * found.std[j] / found.gain[j]:.0f} %",
             )
             for j in np.flatnonzero(lost)
-        ),
+        )
+        + record_findings(model, *without, *carrying),
     )
 
 

@@ -12,6 +12,7 @@ from dynid.recording import RecordLike, open_several
 from dynid.robot import RobotLike, load_robot
 from dynid.settings import IdentifySettings
 from dynid.signals import window
+from dynid.validation import record_findings
 from dynid.workflow.shared_inertias import SharedIdentification, identify_shared
 
 
@@ -120,7 +121,7 @@ def identify_temperature(
         order=tuple(identification.base_order(problem, solved, 0)),
         covariance=solved.covariance,
         naive=solved.naive,
-        warnings=_findings(laws),
+        warnings=(*_findings(laws), *record_findings(robot, *several)),
     )
 
 
