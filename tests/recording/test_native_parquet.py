@@ -143,6 +143,8 @@ def test_foreign_parquet_is_refused(tmp_path: Path) -> None:
 def test_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match="no such file"):
         read_record(tmp_path / "none.parquet")
+    with pytest.raises(RecordError, match="this is a folder"):
+        read_record(tmp_path)
 
 
 def test_changed_numbers_are_noticed(tmp_path: Path) -> None:

@@ -436,7 +436,7 @@ def test_gaps_are_reported() -> None:
     )
     record = run(holes)
     assert codes(record) == ["clock_jitter"]
-    assert "2 gaps, about 4 samples missing, the largest 32 ms" in record.problems[0].message
+    assert "gaps: 2, samples missing: about 4, the largest 32 ms" in record.problems[0].message
 
 
 def test_jitter_is_no_gap() -> None:

@@ -23,7 +23,11 @@ def test_nobody_comes_in_without_a_token() -> None:
         first, second = access_policy(host, None).token, access_policy(host, None).token
         assert len(first) >= 24
         assert first != second
-        assert access_policy(host, TOKEN).url(8080).endswith(f":8080/?token={TOKEN}")
+        url = access_policy(host, TOKEN).url(8080)
+        assert url.endswith(f":8080/?token={TOKEN}")
+        # Which no other machine can open.
+        assert "//0.0.0.0:" not in url
+        assert "//[::]:" not in url
     assert rule(access_policy("127.0.0.1", None), 8080, "/", HOME).status == 403
 
 

@@ -101,6 +101,8 @@ def _print_identification(screen: Console, result: Identification, *, everything
         screen.print()
         more = len(result.warnings) - told
         rest = f", {show.count(more, 'more finding')}" if more > 0 else ""
+        if told < len(notices):
+            rest += f", {len(notices) - told} to look at before use"
         screen.print(f"--all also prints parameters, deviations, choices{rest}")
 
 

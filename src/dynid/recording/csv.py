@@ -416,7 +416,7 @@ def _no_header(sheets: list[Sheet], joints: int) -> RecordError:
         "there is no header that names the columns",
         value=f"{sum(sheet.width for sheet in sheets)} columns",
         next_step="Name them with --columns, for example "
-        f"{example_columns(joints, velocity=True)}.",
+        f"{example_columns(joints, velocity=True)} (currents [A]; torques are effort=).",
     )
 
 

@@ -320,7 +320,8 @@ def match_headers(names: Sequence[str], joints: Sequence[str] = ()) -> Match:
         raise NotRecognised(
             "no columns of positions are recognised",
             value=tuple(names)[:40],
-            next_step=f"Name them with --columns, for example {example_columns(len(joints))}.",
+            next_step=f"Name them with --columns, for example {example_columns(len(joints))} "
+            "(currents [A]; torques are effort=).",
         )
     return Match(
         columns={"t": list(clocks[0].columns), **columns} if clocks else columns,

@@ -215,6 +215,9 @@ def read_record(path: str | Path) -> ExperimentRecord:
     # os.path says False where Path raises, as for names that no file can have.
     if not os.path.exists(file):
         file = partial_path(file)
+    if os.path.isdir(file):
+        said = "this is a folder, not a dynid recording"
+        raise RecordError(said, where=str(path), next_step="Read it with dynid.read_recording.")
     if not os.path.isfile(file):
         raise _missing(path)
     found = read_isolated([file], ReadOptions(format=OWN))

@@ -47,8 +47,10 @@ class AccessPolicy:
         return ipaddress.ip_address(self.host).is_loopback
 
     def url(self, port: int) -> str:
-        """The address to open, token included."""
+        """The address to open, token included; where all are listened on, by the machine's name."""
         host = f"[{self.host}]" if ":" in self.host else self.host
+        if ipaddress.ip_address(self.host).is_unspecified:
+            host = socket.gethostname()
         return f"http://{host}:{port}/?token={self.token}"
 
 

@@ -316,6 +316,7 @@ def report(
             next_step="Write one: dynid identify RECORD -o " + str(folder / "estimate.json"),
         )
     chosen = dict(itertools.islice(found.estimates.items(), MOST_ESTIMATES))
+    many = f"a page shows {MOST_ESTIMATES} estimates at most"
     estimates: list[ReportedEstimate] = []
     for k, (name, estimate) in enumerate(chosen.items()):
         tell(f"predict with {name}", 0.3 + 0.5 * k / len(chosen))
@@ -333,7 +334,7 @@ def report(
         models=tuple(name for name in MODELS.values() if (folder / name).exists()),
         skipped=(
             *found.skipped,
-            *((name, "too many estimates") for name in list(found.estimates)[MOST_ESTIMATES:]),
+            *((name, many) for name in found.estimates if name not in chosen),
         ),
     )
     return write_report(contents, output), contents

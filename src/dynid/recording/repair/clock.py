@@ -118,7 +118,7 @@ def report_clock(table: RawTable) -> RawTable:
     if missing > 0:
         largest = int(np.argmax(np.where(gaps, steps, 0.0)))
         parts.append(
-            f"{int(gaps.sum())} gaps, about {missing} samples missing, the largest "
+            f"gaps: {int(gaps.sum())}, samples missing: about {missing}, the largest "
             f"{1e3 * steps[largest]:.4g} ms before {table.row(largest + 1)}"
         )
     if not parts:
@@ -165,8 +165,8 @@ def mend_jumps(table: RawTable) -> RawTable:
     largest = max(jumps, key=lambda k: abs(float(steps[k])))
     return replace(table, t=mended).report(
         "clock_mismatch",
-        f"the clock jumps {len(jumps)} times while the robot moves on evenly, by "
-        f"{steps[largest] / nominal:.6g} steps before {table.row(largest + 1)}: later stamps are "
+        f"jumps of the clock while the robot moves on evenly: {len(jumps)}, the largest by "
+        f"{steps[largest] / nominal:.6g} steps before {table.row(largest + 1)}; later stamps are "
         "shifted back",
     )
 

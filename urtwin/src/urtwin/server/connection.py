@@ -167,7 +167,9 @@ class Connection:
         """Send the newest of a stream, so many `together`; skip it if the last has not left yet."""
         if self._waiting:
             self.flush()
-        if self._waiting or self.lost:
+        if self.lost:
+            return False
+        if self._waiting:
             self.skipped += 1
             return False
         self._gathered += package

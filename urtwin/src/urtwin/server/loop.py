@@ -403,13 +403,13 @@ class ControllerServer:
         if isinstance(client, RtdeClient):
             self._rtde.remove(client)
         if connection.skipped and client.port == rtde.PORT:
-            self._log.say(f"{connection.peer} was too slow for {connection.skipped} packages")
+            self._log.say(f"{connection.peer} was too slow, packages skipped: {connection.skipped}")
         if client.regret:
             self._log.say(f"{connection.peer} on port {client.port}: {client.regret}")
         if connection.gone or isinstance(client, LeavingClient):
             self._close(client)
             return
-        self._log.say(f"{connection.peer} on port {client.port} sent away: {connection.lost}")
+        self._log.say(f"{connection.peer} on port {client.port} closed: {connection.lost}")
         leaving = LeavingClient(connection, now + _FAREWELL_S)
         self._clients[connection.socket.fileno()] = leaving
 
