@@ -9,7 +9,7 @@ which `data` are those that the prior does not dominate; `links`: link parameter
 `payload`: the same motion without and with 0.5 to 3 kg on another day: friction of each joint is
 up to 20 % different, and each drive gain is off by 2 %; mass and centre.
 `delays`: torques of one joint between 20 ms early and 60 ms late, with the scoreboard's friction,
-presliding on every second arm.
+presliding in every second group of five arms.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""The identified model in MuJoCo: the same torques, the same motion for a while."""
+"""The identified model in MuJoCo: its torques along a motion, and its motion under torques."""
 
 import tempfile
 from pathlib import Path
@@ -30,3 +30,15 @@ for k in range(len(t)):
     errors.append(data.qfrc_inverse - predicted[k])
 moving = np.abs(motion.dq).min(axis=1) > 0.05
 print(f"largest torque difference while all joints move: {np.abs(errors)[moving].max():.2g} N.m")
+
+# The motion that MuJoCo makes of the estimate's torques, without a controller.
+step, start = model.opt.timestep, 1.0
+t = start + step * np.arange(int(0.2 / step) + 1)
+motion = motions[1].evaluate(t)
+torque = estimate.predict(motion.q, motion.dq, motion.ddq)
+data.qpos[:], data.qvel[:] = motion.q[0], motion.dq[0]
+for applied in torque[:-1]:
+    data.qfrc_applied[:] = applied
+    mujoco.mj_step(model, data)
+gone = np.abs(motion.q[-1] - motion.q[0]).max()
+print(f"rolled out for 0.2 s: {np.abs(data.qpos - motion.q[-1]).max():.2g} of {gone:.2g} rad off")

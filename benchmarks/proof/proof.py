@@ -21,6 +21,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from shared.measuring import ROOT, processor
 
 PAGE = ROOT / "docs" / "proof.md"
+NEVER = "not run yet"
 LAST_LINES = 3
 """Lines of a step's output that are quoted."""
 
@@ -153,19 +154,22 @@ def kept_rows() -> dict[str, str]:
     if not PAGE.exists():
         return {}
     lines = [line for line in PAGE.read_text(encoding="utf-8").splitlines() if line[:2] == "| "]
+    lines = [line for line in lines if f"| {NEVER} |" not in line]
     return {line.split(" | ")[0].removeprefix("| "): line for line in lines}
 
 
 def write_page(rows: dict[str, str], known: list[Step]) -> None:
-    """The page, with a row for each step that was ever run."""
-    order = [rows[step.name] for step in known if step.name in rows]
+    """The page, with a row for each step."""
+    never = Result(None, 0.0, (NEVER,))
+    order = [rows.get(step.name) or row(step, never, "-") for step in known]
+    ran = sum(step.name in rows for step in known)
     head = "step", "result", "wall [s]", "commit, date", "last lines", "command"
     text = [
         "# Proof",
         "",
         "What `make proof` ran last: it is too long for every commit (`make test`).",
         "",
-        f"Machine of the last run: {machine()}.",
+        f"Steps that have a result: {ran} of {len(known)}. Machine of the last run: {machine()}.",
         "",
         f"| {' | '.join(head)} |",
         "|---|---|---|---|---|---|",

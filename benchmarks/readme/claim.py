@@ -64,9 +64,9 @@ def claim() -> str:
     errors = sorted(error_percent(name, seed) for name in ARMS for seed in SEEDS)
     middle, least, most = np.median(errors), errors[0], errors[-1]
     told = (
-        f"From one CSV file of {DURATION_S:.0f} s, the model's torques on another motion are "
-        f"within {middle:.1f} % of the true ones (median of {len(errors)} simulated arms with "
-        f"unknown links and friction, {least:.1f} to {most:.1f} %; "
+        f"From one CSV file of {DURATION_S:.0f} s, the model's torques on another motion of its "
+        f"kind are within {middle:.1f} % of the true ones (median; {len(ARMS)} simulated arms with "
+        f"{len(SEEDS)} draws of unknown links and friction each: {least:.1f} to {most:.1f} %; "
         "[benchmarks/readme/claim.py](benchmarks/readme/claim.py))."
     )
     return textwrap.fill(told, 118, break_on_hyphens=False)

@@ -45,13 +45,12 @@ PACKAGES = ("figaroh", "pin", "mujoco", "mujoco-sysid", "scipy", "numpy")
 ROLES = ("predicted", "joint2", "joint1", "joint3", "joint4", "measured")
 SAME_MOTION = (
     "Both recordings repeat one motion, and who follows that motion closely errs least. The "
-    "default chooses a model for any motion, by parts of the workspace that are left out: it "
-    "holds the inertias near the published ones and takes no offsets. On no6 itself it errs by "
-    "3.8, 2.3 and 2.8 N.m on joints 3, 4 and 6 where `--for this-motion` errs by 1.9, 0.8 and 1.6; "
-    "on no5, another motion, the default errs by 8 N.m in all, everybody else by 14 to 18."
+    "default chooses a model for any motion, by parts of the workspace that are left out: on "
+    "{other}, another motion, it errs by {own:.3g} N.m in all, everybody else by {least:.3g} to "
+    "{most:.3g}."
 )
-REASONS = {"UR5 no6, on no7": SAME_MOTION, "UR5 no7, on no6": SAME_MOTION}
-"""Why dynid's default is not first, where it is not."""
+REASONS = {"UR5 no6, on no7": "no5", "UR5 no7, on no6": "no5"}
+"""Another motion, where dynid's default is not first on the same one."""
 USER = """import dynid
 record = dynid.read_recording("log.csv", robot=(robot := dynid.load_robot("ur5")))
 result = dynid.identify([record], robot)
@@ -134,6 +133,14 @@ def versions() -> str:
     return ", ".join(f"{name} {version}" for name, version in zip(PACKAGES, found, strict=True))
 
 
+def commit() -> str:
+    """The commit of dynid."""
+    words = ["git", "rev-parse", "--short", "HEAD"]
+    return subprocess.run(
+        words, cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.strip()
+
+
 def error_cells(row: dict[str, dict]) -> list[str]:
     """Errors of the tools on one recording, the best in bold."""
     errors = {tool: error_of(row.get(tool)) for tool in TOOLS}
@@ -171,7 +178,7 @@ def document(table: dict[str, dict[str, dict]]) -> str:
         "",
         f"Made by `benchmarks/rivals/rivals.py` (`make rivals`) on {datetime.now(UTC).date()}: "
         f"{processor()}, {os.cpu_count()} cores, Python {platform.python_version()}, "
-        f"dynid {dynid.__version__}, {versions()}.",
+        f"dynid {dynid.__version__} ({commit()}), {versions()}.",
         "",
         "Error on the part that was not identified: root of the summed squares of the joints' "
         "RMS errors [N.m], best in bold. `-`: not run; `x`: failed, see below.",
@@ -180,7 +187,7 @@ def document(table: dict[str, dict[str, dict]]) -> str:
         "",
         *table_of("", costs(table)),
     ]
-    told = ((name, why_behind(name, row)) for name, row in table.items())
+    told = ((name, why_behind(name, table)) for name in table)
     behind = [_bullet(f"{name}: {why}") for name, why in told if why]
     failed = [
         _bullet(f"{tool}, {name}: {found['error']}")
@@ -208,9 +215,9 @@ def error_of(found: dict | None) -> float:
     return float(np.linalg.norm(found["rms"])) if found and "rms" in found else float("nan")
 
 
-def why_behind(name: str, row: dict[str, dict]) -> str:
+def why_behind(name: str, table: dict[str, dict[str, dict]]) -> str:
     """Who errs less than dynid's default, by how much, and why; empty for nobody."""
-    errors = {tool: error_of(found) for tool, found in row.items() if "rms" in found}
+    errors = {tool: error_of(found) for tool, found in table[name].items() if "rms" in found}
     own = errors.get("dynid")
     better = {t: e for t, e in errors.items() if own is not None and t not in DYNID and e < own}
     told = ", ".join(f"{tool} by {100 * (1 - e / own):.0f} %" for tool, e in better.items())
@@ -219,7 +226,17 @@ def why_behind(name: str, row: dict[str, dict]) -> str:
     purpose = errors.get("dynid --for this-motion", np.inf)
     first = "first" if purpose <= min(better.values()) else "not first either"
     said = f"less than dynid's default err {told}; `--for this-motion` is {first} ({purpose:.4g})."
-    return f"{said} {REASONS.get(name, '')}".rstrip()
+    if name not in REASONS:
+        return said
+    row = table[f"{name.split(', on ')[0]}, on {REASONS[name]}"]
+    others = [error_of(found) for tool, found in row.items() if tool not in DYNID]
+    why = SAME_MOTION.format(
+        other=REASONS[name],
+        own=error_of(row["dynid"]),
+        least=np.nanmin(others),
+        most=np.nanmax(others),
+    )
+    return f"{said} {why}"
 
 
 README = ("UR5 no6", "UR10 1st", "KR300 A", "TX40 1st", "Panda 1st", "simulated")
