@@ -423,10 +423,14 @@ def markdown(told: dict[str, Any], title: str) -> str:
         f"and {told['doubted']} of these are not called usable.",
         f"Median CPU of a case {told['cpu_s_median']:.1f} s.",
         "",
-        "False alarms: "
+        "Findings on clean recordings: "
         + (", ".join(f"{kind} {count}" for kind, count in told["false_alarms"].items()) or "none")
         + ".",
         "",
+    ]
+    if not told["faults"]:
+        return "\n".join(lines)
+    lines += [
         "Right cause: " + ", ".join(f"{k} {v:.0f} %" for k, v in rates(told).items()) + ".",
         "",
         "| fault | size | cases | named | anything found | still called usable |"

@@ -167,7 +167,8 @@ def _prediction(
     what = "predicts another motion's" if confirmed else f"is expected to predict {others}"
     known = min(noise, expected)
     shown = with_rests(f"{expected:.1f} %", f"{expected if whole is None else whole:.1f} %")
-    text = f"it {what} torques to {shown}, of which noise is {known:.1f} %"
+    parts = f"noise of {known:.1f} % and a model error of {beyond:.1f} % (their squares add)"
+    text = f"it {what} torques to {shown}, from {parts}"
     if beyond > USELESS_PREDICTION or (poor and beyond > GOOD_PREDICTION):
         reason = f"{text}; {poor[0].text}" if poor else text
         return Answer(answer="no", reason=reason, value=beyond, unit="%", limit=USELESS_PREDICTION)
