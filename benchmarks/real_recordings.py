@@ -174,7 +174,7 @@ def main(words: list[str]) -> int:
         "RMS a joint [N.m]",
         "e_N (N) [N.m]",
         "RSS left out",
-        "published / friction fitted / identified",
+        "published / friction fitted / identified (one figure: nothing is published)",
         "90 % covers [%]",
         "verdict",
         "CPU s",
