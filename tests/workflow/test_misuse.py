@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import dynid
-from dynid.core import InputError
+from dynid.core import Finding, InputError
 from dynid.recording import ExperimentRecord
 from dynid.robot import load_robot
 from dynid.workflow import open_records
@@ -44,8 +44,11 @@ def codes(result: dynid.Identification) -> set[str]:
 def test_a_record_does_not_confirm_itself(
     record: ExperimentRecord, alone: dynid.Identification
 ) -> None:
-    result = dynid.identify(record, "ur5", PAPER, validation=record)
+    uneven = Finding("clock_jitter", "steps between 7 and 9 ms")
+    told = replace(record, problems=(*record.problems, uneven))
+    result = dynid.identify(told, "ur5", PAPER, validation=told)
     judged = dynid.verdict(result)
+    assert result.warnings.count(uneven) == 1
     assert "over_fitted" in codes(result)
     # What was left out says what it says without it.
     assert judged.prediction == dynid.verdict(alone).prediction
