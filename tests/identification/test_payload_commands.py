@@ -16,6 +16,9 @@ from dynid.core import Finding, InputError
 from dynid.simulation import cylinder, simulate, simulated_arm, with_payload
 from dynid.workflow.running import record_of
 
+ROBOT = dynid.load_robot("ur5")
+MOTION = dynid.random_excitation(ROBOT.limits, seed=7, margin=0.6, acceleration=8.0)
+
 
 def call(*words: object) -> str:
     done = CliRunner().invoke(build(), [str(word) for word in words], catch_exceptions=False)
@@ -26,13 +29,11 @@ def call(*words: object) -> str:
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     folder = tmp_path_factory.mktemp("payload")
-    robot = dynid.load_robot("ur5")
-    motion = dynid.random_excitation(robot.limits, seed=7, margin=0.6, acceleration=8.0)
-    empty = simulated_arm(robot)
+    empty = simulated_arm(ROBOT)
     carrying = with_payload(empty, 2.0, [0.01, 0.0, 0.05], cylinder(2.0, 0.04, 0.1, 2))
     paths = (folder / "empty.parquet", folder / "loaded.parquet")
     for k, (arm, path) in enumerate(zip((empty, carrying), paths, strict=True)):
-        dynid.write_record(record_of(simulate(arm, motion, seed=k)), path)
+        dynid.write_record(record_of(simulate(arm, MOTION, seed=k)), path)
     return paths
 
 
@@ -46,7 +47,7 @@ def test_gains(files: tuple[Path, Path]) -> None:
     np.testing.assert_allclose([float(x) for x in line[8:].split(",")], truth, rtol=0.01)
 
 
-def test_payload(files: tuple[Path, Path]) -> None:
+def test_payload(files: tuple[Path, Path], tmp_path: Path) -> None:
     data = json.loads(call("payload", *files, "--json"))
     assert data["mass"] == pytest.approx(2.0, rel=0.02)
     np.testing.assert_allclose(data["centre"], [0.01, 0.0, 0.05], atol=0.005)
@@ -64,6 +65,14 @@ def test_payload(files: tuple[Path, Path]) -> None:
     assert said.startswith(f"No significant payload: below {most:.2g} kg")
     assert "not_physical" in said
     assert most > 0
+    # Nothing was carried: neither a centre of nothing nor recordings that were swapped.
+    other = tmp_path / "other.parquet"
+    dynid.write_record(record_of(simulate(simulated_arm(ROBOT), MOTION, seed=5)), other)
+    for pair in ((files[0], other), (other, files[0])):
+        none = json.loads(call("payload", *pair, "--json"))
+        assert [notice["code"] for notice in none["warnings"]] == ["low_excitation"]
+        assert none["mass_interval"][1] < 0.1
+        assert none["centre"] == none["centre_std"] == [None] * 3
 
 
 def test_what_recordings_tell_of_themselves_is_passed_on(

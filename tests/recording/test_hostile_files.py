@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -70,3 +72,16 @@ def test_hostile_documents_are_refused_in_one_line(tmp_path: Path, name: str) ->
     with pytest.raises(InputError) as caught:
         load_object(path) if path.suffix == ".json" else load_robot(path)
     assert "\n" not in str(caught.value)
+
+
+def test_limits_of_a_batch_system_stay(tmp_path: Path) -> None:
+    text = tmp_path / "x.csv"
+    text.write_text("t,q,tau\n" + "".join(f"{k / 125},{k % 9},{k % 7}\n" for k in range(99)))
+    words = (
+        "import resource, dynid\n"
+        "resource.setrlimit(resource.RLIMIT_AS, (1 << 36, 1 << 36))\n"
+        "resource.setrlimit(resource.RLIMIT_CPU, (36000, 36000))\n"
+        f"print(dynid.read_recording({str(text)!r}).samples)"
+    )
+    ended = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True)
+    assert (ended.stdout.strip(), ended.stderr) == ("99", "")

@@ -618,3 +618,19 @@ def test_own_recordings_are_read_for_a_robot(tmp_path: Path) -> None:
         read_recording(path, degrees=True)
     with pytest.raises(RecordError, match="one drive gain a joint"):
         read_recording(path, gains=[1.0])
+
+
+@pytest.mark.parametrize("every", [3, 5, 10, 20])
+def test_right_stamps_of_rows_that_are_missing_regularly_stay(every: int) -> None:
+    table = raw(noise=1)
+    kept = np.arange(1500) % every > 0
+    some = {name: value[kept] for name, value in table.signals.items()}
+    record = run(replace(table, rows=table.rows[kept], t=table.t[kept], signals=some))
+    np.testing.assert_allclose(record.t, MOTION.t[kept] - MOTION.t[kept][0], atol=1e-9)
+
+
+def test_steps_of_whole_digits_without_repeats_are_spread() -> None:
+    # 5 ms digits for rows each 8 ms: steps of 5 and 10 ms.
+    record = run(raw(noise=1, t=np.floor(MOTION.t / 0.005) * 0.005))
+    np.testing.assert_allclose(record.t, MOTION.t - MOTION.t[0], atol=3e-3)
+    assert np.ptp(np.diff(record.t)) < 1e-9

@@ -478,3 +478,19 @@ def test_columns_that_cannot_be_told_apart_are_named_with_the_command_that_takes
     path.write_text(f"{names}\n" + "0.5,0.25,1,1,2,3\n" * 99)
     with pytest.raises(RecordError, match=r"columns.* It is an option of dynid import, "):
         open_record(path, load_robot("ur5"))
+
+
+@pytest.mark.parametrize("cells", [6, 7, 10])
+def test_lines_cut_short_are_a_row_each(tmp_path: Path, cells: int) -> None:
+    motion, path = Motion(samples=900), tmp_path / "cut.csv"
+    rows = np.hstack([motion.position(motion.t), motion.current(motion.t)])
+    lines = [",".join(f"{value:.9g}" for value in row) for row in rows]
+    for k in (*range(300, 310), *range(600, 604)):
+        lines[k] = ",".join(lines[k].split(",")[:cells])
+    head = ",".join(f"{name}{j}" for name in ("q", "current") for j in range(1, 7))
+    path.write_text("\n".join([head, *lines]))
+    record = read_recording(path, rate_hz=125.0, robot=load_robot("ur5"))
+    # Where rows count time, each that is lost would shift all that follow.
+    assert record.t[-1] == pytest.approx(899 / 125)
+    assert [problem.code for problem in record.problems] == ["corrupt_rows"]
+    assert record.problems[0].message.startswith("14 of 900 rows")

@@ -229,6 +229,18 @@ def test_nothing_fails_before_the_server_has_answered(
     page.close()
 
 
+def test_the_button_works_again_after_a_refusal(visited: Visited) -> None:
+    visit = visited(1400)
+    visit.step("Design")
+    sent: list[str] = []
+    visit.page.on("request", lambda request: sent.append(request.url))
+    visit.page.locator("#f-period_s").fill("0")
+    for count in (1, 2):
+        visit.primary("Design a motion")
+        until(lambda count=count: sum("/do/design" in url for url in sent) == count, visit)
+    visit.check()
+
+
 def test_names_from_files_are_text(visited: Visited, studio: tuple[Page, str]) -> None:
     page, _ = studio
     visit = visited(1400)

@@ -132,7 +132,14 @@ def test_an_arm_on_the_ceiling_is_identified_as_it_was_mounted(tmp_path: Path) -
     # Two days are no trend, and that is said.
     assert found.tests == 0
     assert [(one.kind, one.value) for one in found.findings] == [("not_diagnosed", 1.0)]
+    # One that says something else is left out; where none are most, nobody knows which.
     write(tmp_path / "all", "c", real, 2, factor=1.0, gain=1.0)
+    again = dynid.fleet(tmp_path / "all", tmp_path / "out")
+    assert len(again.recordings) == 2
+    ((path, why),) = again.skipped
+    assert "ceiling" in why
+    assert path in again.to_json()["skipped"][0]
+    write(tmp_path / "all", "c", real, 3, factor=1.0, gain=1.0)
     with pytest.raises(dynid.InputError, match="mountings"):
         dynid.fleet(tmp_path / "all", tmp_path / "out")
 

@@ -72,6 +72,8 @@ def _step(x: Array, square: Array, pull: Array, weight: float) -> tuple[Array, f
 
 
 NORMAL_95 = 1.959964
+SWAPPED = 5.0
+"""A mass so many standard deviations below zero is no chance: recordings were swapped."""
 """Half a 95 % interval, in standard deviations."""
 GAINS_OFF = 0.02
 """Standard deviation of a joint's drive gain, alike in all recordings (share)."""
@@ -141,16 +143,18 @@ class Payload:
     def to_json(self) -> dict[str, Any]:
         """A JSON object; intervals hold with 95 %."""
         half, half_centre = NORMAL_95 * self.mass_std, NORMAL_95 * self.centre_std
+        centre, centre_std = self.centre, self.centre_std
+        if self.mass < half:
+            # Of what may be nothing there is no centre: null.
+            centre = centre_std = half_centre = np.full(3, np.nan)
         return {
             "frame": "flange",
             "mass": self.mass,
             "mass_std": self.mass_std,
             "mass_interval": [self.mass - half, self.mass + half],
-            "centre": self.centre.tolist(),
-            "centre_std": self.centre_std.tolist(),
-            "centre_interval": np.stack(
-                [self.centre - half_centre, self.centre + half_centre], axis=1
-            ).tolist(),
+            "centre": centre.tolist(),
+            "centre_std": centre_std.tolist(),
+            "centre_interval": np.stack([centre - half_centre, centre + half_centre], 1).tolist(),
             "inertia_about_centre": self.inertia.tolist(),
             "parameters": [
                 {
@@ -202,14 +206,14 @@ def _findings(free: Array, covariance: Array) -> tuple[Finding, ...]:
         notices.append(Finding("low_excitation", text))
     spread = float(np.sqrt(covariance[0, 0]))
     half = NORMAL_95 * spread
-    if abs(free[0]) < half:
+    if -SWAPPED * spread < free[0] < half:
         notices.append(
             Finding(
                 "low_excitation",
                 f"a payload of {free[0]:.3g} kg +- {half:.2g} kg is not significant",
             )
         )
-    if free[0] < -half:
+    elif free[0] < 0:
         notices.append(
             Finding(
                 "not_physical",
@@ -218,6 +222,7 @@ def _findings(free: Array, covariance: Array) -> tuple[Finding, ...]:
                 next_step="give the recording without the payload first",
             )
         )
+    if free[0] < -half:
         return tuple(notices)
     gap = nearest_body(free, covariance) - free
     distance = float(gap @ np.linalg.solve(covariance, gap))

@@ -65,6 +65,20 @@ class Grid:
     """Lines whose number of cells is wrong."""
 
 
+def _are_pieces(run: list[int], width: int) -> bool:
+    """Whether lines that are too short are rows with line ends in them, and not rows cut short."""
+    if len(run) > 2 and len(set(run)) == 1:
+        return False
+    left = 0
+    for count in run:
+        left += count
+        # A line end within a number makes one cell more.
+        left = 0 if left in (width, width + 1) else left
+        if left > width:
+            return False
+    return left == 0
+
+
 @dataclass(slots=True)
 class _Draft:
     """The rows that were read so far."""
@@ -78,8 +92,8 @@ class _Draft:
     broken: int = 0
     first: str = ""
     """What is wrong with the first bad row."""
-    run_lines: int = 0
-    run_cells: int = 0
+    run: list[int] = field(default_factory=list[int])
+    """Cells of the broken lines on end."""
     recent: deque[str] = field(default_factory=lambda: deque[str](maxlen=_RECENT))
 
     def take(self, chunk: list[tuple[int, str]]) -> None:
@@ -90,7 +104,7 @@ class _Draft:
             if delimiter == " "
             else [line.count(delimiter) + 1 for _, line in chunk]
         )
-        if self.run_lines == 0 and all(count == width for count in counts):
+        if not self.run and all(count == width for count in counts):
             values = self._fast([line for _, line in chunk])
             if values is not None:
                 self.blocks.append(values)
@@ -110,20 +124,21 @@ class _Draft:
                 self.recent.append(line)
                 continue
             self.broken += 1
-            self.run_lines += 1
-            self.run_cells += count
+            self.run.append(count)
             self.first = self.first or f"line {line_number} has {count} cells, not {width}"
-            if self.run_lines == 1:
+            if len(self.run) == 1:
                 self._lose(line_number)
 
     def close_run(self) -> None:
         """Give a run of broken lines as many rows as it must have been: counted time holds."""
-        lines, cells, width = self.run_lines, self.run_cells, self.dialect.width
-        self.run_lines = self.run_cells = 0
-        if lines == 0:
+        run, self.run, width = self.run, [], self.dialect.width
+        if not run:
             return
-        # Two rows in one line have 2 width - 1 cells if the line end became part of a number.
-        true_rows = round((cells + 1) / width) if lines == 1 else round(cells / width)
+        if len(run) > 1 and max(run) < width and not _are_pieces(run, width):
+            true_rows = len(run)
+        else:
+            # Two rows in one line have 2 width - 1 cells if the line end became part of a number.
+            true_rows = round((sum(run) + (len(run) == 1)) / width)
         for _ in range(min(true_rows, _CHUNK) - 1):
             self._lose(self.rows[-1])
 

@@ -201,9 +201,15 @@ def _limit(budget: Budget) -> None:
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
     space = pages * resource.getpagesize() + budget.memory_bytes
     used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
-    infinity = resource.RLIM_INFINITY
-    resource.setrlimit(resource.RLIMIT_AS, (space, infinity))
-    resource.setrlimit(resource.RLIMIT_CPU, (int(used + _TICKS * budget.cpu_s) + 1, infinity))
+    for kind, most in (
+        (resource.RLIMIT_AS, space),
+        (resource.RLIMIT_CPU, int(used + _TICKS * budget.cpu_s) + 1),
+    ):
+        # A batch system may have set a hard limit, which nobody but root may raise.
+        hard = resource.getrlimit(kind)[1]
+        resource.setrlimit(
+            kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard)
+        )
 
 
 def _refuse(error: DynidError, answers: IO[bytes]) -> None:

@@ -244,7 +244,7 @@ def identify(
             ]
         if other is not None:
             result = validate(estimate, other, start_s=validation_start_s, stop_s=validation_stop_s)
-            # The recording itself, where another part of it was identified from, is told of already.
+            # Where another part of this recording was identified from, it was told already.
             warnings += [finding for finding in result.warnings if finding not in warnings]
             if not any(finding.kind == "payload" for finding in result.warnings):
                 warnings += over_fitted(training, result)

@@ -277,6 +277,16 @@ def _are_runs(t: Array, starts: Rows, ends: Rows, nominal: float) -> bool:
     )
 
 
+def _goes_with_time(q: Array, steps: Array) -> bool:
+    """Whether joints go further over longer steps: then rows are missing, and the stamps right."""
+    gone = np.linalg.norm(np.diff(q, axis=0), axis=1)
+    even = np.full(_BESIDE, 1.0 / _BESIDE)
+    usual, usual_step = (np.convolve(x, even, "same") for x in (gone, steps))
+    moving = usual > 0.1 * float(np.nanmax(usual, initial=0.0))
+    longer, further = steps[moving] / usual_step[moving] - 1, gone[moving] / usual[moving] - 1
+    return bool(longer @ further > 0.5 * (longer @ longer))
+
+
 def spread_stamps(table: RawTable) -> RawTable:
     """Spread stamps evenly over the rows where they are even but for their few digits.
 
@@ -300,6 +310,8 @@ def spread_stamps(table: RawTable) -> RawTable:
     # One odd row among even ones is no coarse clock.
     uneven = float((np.abs(steps - slope * np.diff(rows)) > 0.02 * slope).mean()) > 0.05
     if not coarse or not uneven or float(np.ptp(off)) > 1.5 * digit:
+        return table
+    if _goes_with_time(table.signals["q"], steps):
         return table
     # The clock tells a stamp's digit when it is over: the true times are not known better.
     repeated = int((steps == 0).sum())

@@ -84,7 +84,8 @@ def check_velocities(table: RawTable, rate_hz: float | None) -> RawTable:
     if abs(slope * DEGREE - 1) < 0.15:
         return table.report(
             "unit_suspect",
-            "positions move 57.3 times as far as velocities in rad/s say: positions in degrees?",
+            "positions move 57.3 times as far as velocities in rad/s say: are positions in "
+            "degrees, or velocities in rad/s already (--degrees converts both)?",
         )
     table = _report_odd(table, slopes * np.sign(slope) < -0.5 * abs(slope), "have the other sign")
     low = np.isfinite(sure) & (np.abs(np.nan_to_num(sure)) < 0.5)

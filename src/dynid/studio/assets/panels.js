@@ -54,7 +54,8 @@ function fileField(app, kind) {
 }
 function takeName(kind) {
   const name = files[kind].name;
-  delete files[kind];
+  // Where the job is refused nothing is drawn anew, and the button has to work again.
+  files[kind] = { name, own: false };
   return name;
 }
 
