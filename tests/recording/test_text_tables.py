@@ -494,3 +494,14 @@ def test_lines_cut_short_are_a_row_each(tmp_path: Path, cells: int) -> None:
     assert record.t[-1] == pytest.approx(899 / 125)
     assert [problem.code for problem in record.problems] == ["corrupt_rows"]
     assert record.problems[0].message.startswith("14 of 900 rows")
+
+
+def test_some_lines_may_end_with_a_delimiter(tmp_path: Path) -> None:
+    motion, path = Motion(samples=900), tmp_path / "x.csv"
+    head, *lines = write_rtde_csv(motion, path).read_text().splitlines()
+    comma = "," if "," in head else " "
+    plain = read_recording(path)
+    path.write_text("\n".join([head, *(x + comma * (k % 2) for k, x in enumerate(lines)), ""]))
+    record = read_recording(path)
+    assert record.problems == ()
+    np.testing.assert_array_equal(record.signals["q"], plain.signals["q"])

@@ -153,7 +153,7 @@ def test_hostile_names_are_shown_as_text(finished_run: Path, tmp_path: Path) -> 
     assert "<script>alert" not in page
     assert page.count("<!--") == 0
     assert "<script>alert" in unescape(page)
-    assert "its recording is missing" in page
+    assert "its recording is not in the folder" in page
 
 
 def test_all_estimates_are_listed_and_compared(page: Page) -> None:

@@ -365,6 +365,20 @@ def read_npz(files: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     return table_of(contents.arrays, options, contents.names)
 
 
+def _json_lines(text: str) -> list[object]:
+    """The values of a text of one value a line; none where its first line is no value."""
+    lines = [line for line in text.splitlines() if line.strip()]
+    found: list[object] = []
+    for line in lines if len(lines) > 1 else []:
+        try:
+            found.append(parse_json(line))
+        except json.JSONDecodeError:
+            if found:
+                raise
+            break
+    return found
+
+
 def read_json(files: list[Path], options: ReadOptions, budget: Budget) -> RawTable:
     """Read arrays of numbers from a JSON file; see `Reader`."""
     data, contents = all_bytes(files[0], _MAX_JSON_BYTES), _Contents()
@@ -372,11 +386,10 @@ def read_json(files: list[Path], options: ReadOptions, budget: Budget) -> RawTab
         text = data.decode("utf-8-sig")
         try:
             content = parse_json(text)
-        except json.JSONDecodeError:
-            lines = [line for line in text.splitlines() if line.strip()]
-            if len(lines) < 2:
-                raise
-            content = [parse_json(line) for line in lines]
+        except json.JSONDecodeError as damage:
+            content = _json_lines(text)
+            if not content:
+                raise damage from None
     if isinstance(content, dict | list):
         contents.collect(content, "")
     return table_of(contents.arrays, options, contents.names)

@@ -104,6 +104,16 @@ class _Draft:
             if delimiter == " "
             else [line.count(delimiter) + 1 for _, line in chunk]
         )
+        if width + 1 in counts:
+            # Some lines of a file may end with a delimiter where others do not.
+            more = [
+                count == width + 1 and line.endswith(delimiter)
+                for count, (_, line) in zip(counts, chunk, strict=True)
+            ]
+            chunk = [
+                (k, line[:-1] if m else line) for m, (k, line) in zip(more, chunk, strict=True)
+            ]
+            counts = [count - m for m, count in zip(more, counts, strict=True)]
         if not self.run and all(count == width for count in counts):
             values = self._fast([line for _, line in chunk])
             if values is not None:

@@ -180,7 +180,8 @@ def chapters(contents: ReportContents) -> Iterator[Chapter]:
             [Table(("group", "", "median change [%]", "largest", "z", "limit of z"), rows)],
             [] if changes is None else [changes],
             "Inertias do not change with temperature: they are the control group. If they moved, "
-            "something else than friction differs between the two recordings.",
+            "something else than friction differs between the two recordings, such as the motion: "
+            "what the model leaves out moves parameters by more than their standard deviations.",
         )
     for design in contents.designs:
         facts = [Table(("", ""), design.facts)] if design.facts else []

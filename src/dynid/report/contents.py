@@ -75,7 +75,7 @@ class ReportedEstimate:
     def headline(self) -> str:
         """The verdict in one sentence."""
         if self.verdict is None:
-            return "Use this result with care: its recording is missing."
+            return "Not judged: its recording is not in the folder."
         return self.verdict.headline
 
 

@@ -60,7 +60,7 @@ def headline(item: ReportedEstimate) -> str:
     """The first sentence of the page."""
     shown = item.shown
     if item.verdict is None or shown is None:
-        return "Identified; its recording is missing"
+        return "Not judged: its recording is not in the folder"
     if item.level == "do_not_use":
         return "This result must not be used"
     if item.validation is not None:

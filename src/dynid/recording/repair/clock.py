@@ -282,7 +282,7 @@ def _goes_with_time(q: Array, steps: Array) -> bool:
     gone = np.linalg.norm(np.diff(q, axis=0), axis=1)
     even = np.full(_BESIDE, 1.0 / _BESIDE)
     usual, usual_step = (np.convolve(x, even, "same") for x in (gone, steps))
-    moving = usual > 0.1 * float(np.nanmax(usual, initial=0.0))
+    moving = (usual > 0.1 * float(np.nanmax(usual, initial=0.0))) & (usual_step > 0)
     longer, further = steps[moving] / usual_step[moving] - 1, gone[moving] / usual[moving] - 1
     return bool(longer @ further > 0.5 * (longer @ longer))
 
