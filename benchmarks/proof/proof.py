@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from shared.measuring import ROOT, processor
+from shared.measuring import ROOT, commit, processor
 
 PAGE = ROOT / "docs" / "proof.md"
 NEVER = "not run yet"
@@ -128,18 +128,6 @@ def machine() -> str:
         f"{processor()}, {os.cpu_count()} cores; {platform.system()} {platform.release()}; "
         f"Python {platform.python_version()}, NumPy {np.__version__}, {kernel}"
     )
-
-
-def commit() -> str:
-    """The commit that was run, marked if files differ from it."""
-
-    def git(*words: str) -> str:
-        return subprocess.run(
-            ["git", *words], cwd=ROOT, capture_output=True, text=True, check=True
-        ).stdout.strip()
-
-    changed = git("status", "--porcelain", "--untracked-files=no", "--", ".", ":!docs/proof.md")
-    return git("rev-parse", "--short", "HEAD") + (" with changes" if changed else "")
 
 
 def row(step: Step, result: Result, where: str) -> str:

@@ -25,7 +25,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 import cases
 from run_one import CPU_LIMIT_S, peak_mb
-from shared.measuring import DATA, ROOT, processor
+from shared.measuring import DATA, ROOT, commit, processor
 
 import dynid
 from dynid.figures import Axis, Figure, Level, Panel, Points, category_axis, write_figure
@@ -131,14 +131,6 @@ def versions() -> str:
     told = subprocess.run([str(PYTHON), "-c", words], capture_output=True, text=True, check=True)
     found = ast.literal_eval(told.stdout)
     return ", ".join(f"{name} {version}" for name, version in zip(PACKAGES, found, strict=True))
-
-
-def commit() -> str:
-    """The commit of dynid."""
-    words = ["git", "rev-parse", "--short", "HEAD"]
-    return subprocess.run(
-        words, cwd=ROOT, capture_output=True, text=True, check=True
-    ).stdout.strip()
 
 
 def error_cells(row: dict[str, dict]) -> list[str]:

@@ -16,6 +16,17 @@ SOURCE = ROOT / "src"
 DATA = ROOT.parent / "shared" / "data"
 
 
+def commit() -> str:
+    """The commit that is run, marked if files differ from it; what is measured writes documents."""
+
+    def git(*words: str) -> str:
+        told = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=True)
+        return told.stdout.strip()
+
+    changed = git("status", "--porcelain", "--untracked-files=no", "--", ".", ":!docs")
+    return git("rev-parse", "--short", "HEAD") + (" with changes" if changed else "")
+
+
 def fastest(
     works: dict[str, Callable[[], object]], rounds: int, rare: Collection[str] = ()
 ) -> dict[str, float]:

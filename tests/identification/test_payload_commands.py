@@ -87,6 +87,12 @@ def test_what_recordings_tell_of_themselves_is_passed_on(
         assert "pressed stop" in call(*words)
 
 
+def test_an_empty_file_is_called_so(files: tuple[Path, Path], tmp_path: Path) -> None:
+    (tmp_path / "e.csv").touch()
+    with pytest.raises(InputError, match="the file is empty"):
+        call("payload", files[0], tmp_path / "e.csv")
+
+
 def test_robots_are_not_mixed(files: tuple[Path, Path]) -> None:
     with pytest.raises(InputError):
         call("payload", files[0], files[0].parent / "nothing.parquet")

@@ -257,8 +257,10 @@ def test_json(tmp_path: Path, layout: str) -> None:
     check(read_recording(path, robot=load_robot("ur5")))
     path.write_text(path.read_text()[:-20])
     if layout != "lines":
-        with pytest.raises(RecordError, match="JSON file is damaged"):
+        with pytest.raises(RecordError, match="JSON file is damaged") as caught:
             read_recording(path)
+        # Where it is damaged: the arrays stand in one line.
+        assert ("line 1 " in str(caught.value)) == (layout == "arrays")
 
 
 def test_json_that_is_no_recording(tmp_path: Path) -> None:

@@ -49,6 +49,8 @@ def test_a_record_does_not_confirm_itself(
     result = dynid.identify(told, "ur5", PAPER, validation=told)
     judged = dynid.verdict(result)
     assert result.warnings.count(uneven) == 1
+    assert result.validation is not None
+    assert uneven in result.validation.warnings
     assert "over_fitted" in codes(result)
     # What was left out says what it says without it.
     assert judged.prediction == dynid.verdict(alone).prediction

@@ -373,7 +373,7 @@ def remembered_robot(path: str | Path) -> tuple[str | None, str | None]:
         path: A recording in any format, or a folder with the text files of one run.
 
     Raises:
-        RecordError: No such file, or one that cannot be read.
+        RecordError: No such file, an empty one, or one that cannot be read.
     """
     # os.path says False where Path raises, as for names that no file can have.
     if not os.path.exists(path) and not os.path.isfile(f"{path}.partial"):
@@ -382,6 +382,7 @@ def remembered_robot(path: str | Path) -> tuple[str | None, str | None]:
     if stored_rows(Path(path)) > LONG:
         metadata = open_stored(path).metadata
     elif os.path.isdir(path) or (os.path.isfile(path) and content_kind(Path(path)) != "parquet"):
+        _given_files(path)
         return None, None
     else:
         metadata = read_record(path).metadata

@@ -108,9 +108,6 @@ def stored_robot(paths: Sequence[str | Path]) -> tuple[str, str | None]:
     """
     if not paths:
         raise InputError("needs at least one recording")
-    for path in map(Path, paths):
-        if path.is_file() and path.stat().st_size == 0:
-            raise InputError("the file is empty", where=str(path))
     names, mounts = zip(*map(recording.remembered_robot, paths), strict=True)
     # Logs of other programs say no mounting.
     mounts = tuple(mount for mount in mounts if mount is not None)

@@ -278,7 +278,10 @@ def _are_runs(t: Array, starts: Rows, ends: Rows, nominal: float) -> bool:
 
 
 def _goes_with_time(q: Array, steps: Array) -> bool:
-    """Whether joints go further over longer steps: then rows are missing, and the stamps right."""
+    """Whether joints go further over longer steps: then rows are missing, and the stamps right.
+
+    Over the neighbours' mean, a joint goes as much further as the step is longer, or no further.
+    """
     gone = np.linalg.norm(np.diff(q, axis=0), axis=1)
     even = np.full(_BESIDE, 1.0 / _BESIDE)
     usual, usual_step = (np.convolve(x, even, "same") for x in (gone, steps))
