@@ -2,9 +2,11 @@
 
 import io
 import itertools
+import threading
 
 import pytest
 
+from rtde_client import RtdeClient
 from urtwin import own_address
 from urtwin.server import ControllerServer, Log
 from urtwin.server.clock import CATCH_UP_S, UNUSED_S, Pace, VirtualPace
@@ -66,3 +68,23 @@ def test_a_server_without_client_and_program_runs_no_cycles(machine, monkeypatch
     finally:
         server.close()
     assert machine.core.cycles == 0
+
+
+def test_a_client_that_virtual_time_gives_up_is_told_why(machine, monkeypatch):
+    monkeypatch.setattr("urtwin.server.clock.STALLED_S", 0.1)
+    settings, over = ControllerSettings(host=own_address(), virtual_time=True), threading.Event()
+    server = ControllerServer(machine, settings, Log(io.StringIO(), "test"))
+    loop = threading.Thread(target=server.run, args=[over.is_set])
+    loop.start()
+    try:
+        with RtdeClient(settings.host) as idle, RtdeClient(settings.host) as reader:
+            for client in (idle, reader):
+                client.read_outputs(["timestamp"])
+                client.start()
+            reader.rows(100)
+            with pytest.raises(ConnectionError, match="has read nothing for 0.1 s"):
+                idle.rows(100)
+    finally:
+        over.set()
+        loop.join()
+        server.close()

@@ -1,6 +1,7 @@
 """What clients see: no package lost, in real time or virtual; one seed, one record."""
 
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -62,9 +63,10 @@ def test_two_clients_see_the_same_numbers_and_a_slower_one_every_second(fast):
         two.read_outputs(FIELDS, 62.5)
         one.start()
         two.start()
-        # Virtual time waits for both, so both are read in turn.
-        pairs = [(one.rows(2), two.rows(1)) for _ in range(150)]
-        a, b = (np.concatenate(side) for side in zip(*pairs, strict=True))
+        # Virtual time waits for both: read in turn, each would wait for the other.
+        with ThreadPoolExecutor() as pool:
+            reading = pool.submit(one.rows, 300), pool.submit(two.rows, 150)
+        a, b = (each.result() for each in reading)
     np.testing.assert_allclose(steps(a), 0.008, rtol=0, atol=STEP_ERROR)
     np.testing.assert_allclose(steps(b), 0.016, rtol=0, atol=STEP_ERROR)
     both, in_a, in_b = np.intersect1d(a["timestamp"], b["timestamp"], return_indices=True)

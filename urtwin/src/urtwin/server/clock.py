@@ -135,7 +135,10 @@ class VirtualPace:
         known, since = self._stuck.get(client, (-1, now))
         self._stuck[client] = (unread, since if unread == known else now)
         if unread == known and now - since > STALLED_S:
-            connection.lost = f"the client has read nothing for {STALLED_S:g} s"
+            client.refuse(
+                f"the client has read nothing for {STALLED_S:g} s, and virtual time waits for all "
+                "that have started: read each in a thread of its own"
+            )
         return not connection.lost
 
     def _allowed(self, client: RtdeClient) -> int:
