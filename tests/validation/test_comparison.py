@@ -95,6 +95,16 @@ def test_the_median_change_leaves_out_what_nobody_knows() -> None:
     assert group(result, "viscous").median_change_percent == pytest.approx(-25.0)
 
 
+def test_other_motions_are_told_and_repetitions_are_not() -> None:
+    base = estimate()
+    span = np.ptp(np.stack([base.motion.lower, base.motion.upper]), axis=0)
+    again = replace(base.motion, upper=base.motion.upper + 0.05 * span)
+    assert compare(base, replace(base, motion=again)).warnings == ()
+    other = replace(base.motion, lower=base.motion.lower + 0.5 * span * (np.arange(6) == 2))
+    (told,) = compare(base, replace(base, motion=other)).warnings
+    assert (told.kind, told.severity, told.joints) == ("other_motion", "warning", (2,))
+
+
 def other_model(**changes: object) -> Estimate:
     base = estimate()
     values = {"robot": base.model.robot, "frames": "dh", "friction": base.model.friction}

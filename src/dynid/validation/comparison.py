@@ -135,6 +135,8 @@ _FACTOR = re.compile(r"\d[\d.e+-]*(?=\*)")
 _SAME_FACTOR = 1e-6
 """Factors are printed with eight digits, of which rounding changes the last."""
 _SAME_GRAVITY = 1e-6
+_SAME_RANGE = 0.2
+"""Of the range of a joint, by which the ends of one motion recorded twice may differ."""
 _SAME_GAIN = 1e-9
 
 
@@ -185,11 +187,32 @@ def comparison_warnings(a: Estimate, b: Estimate) -> tuple[Finding, ...]:
     if not np.allclose(*gains, rtol=_SAME_GAIN, atol=0, equal_nan=True):
         message = "the drive gains differ; parameters from currents are scaled by them"
         found.append(Finding("unit_suspect", message))
+    found += _other_motion(a, b)
     for label, estimate in (("first", a), ("second", b)):
         told = {notice.kind: notice.severity for notice in estimate.warnings}
         for kind, severity in sorted(told.items()):
             found.append(Finding(kind, f"a finding of the {label} estimate", severity=severity))
     return tuple(found)
+
+
+def _other_motion(a: Estimate, b: Estimate) -> tuple[Finding, ...]:
+    """Whether the joints moved through different ranges, so that errors of the model differ, too.
+
+    On a real UR5, two motions of one arm differ by 11 standard deviations, repetitions by one.
+    """
+    ends = [np.stack([one.motion.lower, one.motion.upper]) for one in (a, b)]
+    span = np.maximum(*(np.ptp(pair, axis=0) for pair in ends))
+    apart = np.abs(ends[0] - ends[1]).max(axis=0) > _SAME_RANGE * span
+    if not apart.any():
+        return ()
+    names = a.model.robot.joint_names
+    joints = tuple(map(int, np.flatnonzero(apart)))
+    message = (
+        f"the motions differ (range of {', '.join(names[j] for j in joints)}): what the model "
+        "leaves out may move parameters by more than their deviations. To see what moved, "
+        "record both with one design"
+    )
+    return (Finding("other_motion", message, joints=joints, severity="warning"),)
 
 
 def _same_sum(one: str, other: str) -> bool:
@@ -300,7 +323,8 @@ def compare(a: EstimateLike, b: EstimateLike) -> ParameterComparison:
     """Compare two estimates parameter by parameter and group by group.
 
     The records are taken as independent. What a wrong model does to both alike cancels in the
-    difference; z-scores then follow a standard normal where nothing moved.
+    difference; z-scores then follow a standard normal where nothing moved. That holds for records
+    of one motion: other motions are told as `other_motion`.
 
     Args:
         a: The first estimate or its file, such as the cold robot's.
