@@ -58,6 +58,24 @@ def test_the_expected_error_is_that_of_weighted_least_squares() -> None:
     assert 0.9 < np.mean(overall < scale) < 0.99
 
 
+def test_the_unit_of_a_slide_changes_nothing() -> None:
+    base = problem(arm()).base
+    kernel = GramKernel(base.model, base, noise=NOISE, coulomb_width=None)
+    one, *task = _motions(3, 5)
+    gram = kernel.gram(one.q, one.dq, one.ddq)
+    purpose = replace(purpose_of(base, task, "a task"), prismatic=(False, False, True))
+    unit = np.array([1.0, 1.0, 1000.0])
+    other = replace(
+        purpose, moments=purpose.moments * unit[:, None, None] ** 2, torque=purpose.torque * unit
+    )
+    found, same = (expected(gram, each, NOISE) for each in (purpose, other))
+    assert same.torque_error_percent == pytest.approx(found.torque_error_percent, rel=1e-9)
+    assert same.bound_percent == pytest.approx(found.bound_percent, rel=1e-9)
+    # The kind that errs more, never less than both together.
+    whole = expected(gram, replace(purpose, prismatic=(False,) * 3), NOISE)
+    assert found.torque_error_percent > whole.torque_error_percent
+
+
 def test_more_periods_and_earlier_records_lower_the_error_as_they_must() -> None:
     base = problem(arm()).base
     kernel = GramKernel(base.model, base, noise=NOISE, coulomb_width=None)

@@ -18,7 +18,7 @@ from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.problem import ExcitationProblem
 from dynid.excitation.region import free_poses, grown_motion, region_of, tightest
 from dynid.reduction import BaseParametrization
-from dynid.robot import RobotModel
+from dynid.robot import RobotModel, joints_by_kind
 from dynid.trajectory import JointMotion, motion_family
 
 NOISE_SHARE = 0.014
@@ -46,6 +46,8 @@ class Purpose:
     """(n, b, b) mean of Y_j' Y_j over their samples."""
     torque: Array
     """(n) RMS torque that the prior expects there [N.m or N]; NaN where no prior is known."""
+    prismatic: tuple[bool, ...]
+    """(n) whether a joint slides."""
 
     def moment(self, noise: Array) -> Array:
         """(b, b) of the criterion: the mean over the joints of M_j over the variance (n)."""
@@ -61,7 +63,10 @@ class Expected:
     torque_error: Array
     """(n) RMS error of the predicted torque on the purpose's motions [N.m or N]."""
     torque_error_percent: float
-    """All joints together, over the RMS torque that the prior expects; NaN without a prior."""
+    """All joints together, over the RMS torque that the prior expects; NaN without a prior.
+
+    Of an arm that turns and slides, of the kind of joints that errs more.
+    """
     bound_percent: float
     """What it stays below with 95 % probability."""
     parameter_std: Array
@@ -109,7 +114,7 @@ def purpose_of(base: BaseParametrization, motions: Sequence[JointMotion], source
             ) + prior.coulomb * np.sign(motion.dq)
             squares += np.square(torque).mean(axis=0) / len(motions)
     torque = np.full(n, math.nan) if prior is None else np.sqrt(squares)
-    return Purpose(source=source, moments=moments, torque=torque)
+    return Purpose(source=source, moments=moments, torque=torque, prismatic=tuple(robot.prismatic))
 
 
 def safe_motions(
@@ -178,12 +183,16 @@ def expected(
         variances, percent, bound = np.full(len(noise), math.inf), math.inf, math.inf
     else:
         variances = np.einsum("ij,kij->k", covariance, purpose.moments)
-        percent = 100 * math.sqrt(variances.sum() / np.square(purpose.torque).sum())
-        # The squared error is a sum of chi-squares: as many as share it (Satterthwaite), whose
-        # quantile is Wilson and Hilferty's.
-        image = covariance @ purpose.moments.sum(axis=0)
-        spread = 2 / 9 * float((image * image.T).sum()) / float(np.trace(image)) ** 2
-        bound = percent * (1 - spread + CONFIDENCE * math.sqrt(spread)) ** 1.5
+        told: list[tuple[float, float]] = []
+        for joints in joints_by_kind(purpose.prismatic).values():
+            share = math.sqrt(variances[joints].sum() / np.square(purpose.torque[joints]).sum())
+            # The squared error is a sum of chi-squares: as many as share it (Satterthwaite), whose
+            # quantile is Wilson and Hilferty's.
+            image = covariance @ purpose.moments[joints].sum(axis=0)
+            spread = 2 / 9 * float((image * image.T).sum()) / float(np.trace(image)) ** 2
+            most = (1 - spread + CONFIDENCE * math.sqrt(spread)) ** 1.5
+            told.append((100 * share, 100 * share * most))
+        percent, bound = (float(max(each)) for each in zip(*told, strict=True))
     return Expected(
         noise=noise,
         torque_error=np.sqrt(variances),

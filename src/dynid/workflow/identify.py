@@ -18,7 +18,7 @@ from dynid.core import Finding, InputError, Progress, Workers, one_thread, plain
 from dynid.diagnosis import USELESS_PREDICTION, Verdict, diagnose, judge
 from dynid.export import simulator_obstacle
 from dynid.identification import Estimate
-from dynid.robot import RobotLike, RobotModel, load_robot, with_carried
+from dynid.robot import RobotLike, RobotModel, joints_by_kind, load_robot, with_carried
 from dynid.settings import IdentifySettings
 from dynid.trajectory import JointMotion
 from dynid.validation import (
@@ -49,7 +49,10 @@ LONGER = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Accuracy:
-    """Expected and found torque error of one model, as shares of the RMS torque [%]."""
+    """Expected and found torque error of one model, as shares of the RMS torque [%].
+
+    Of an arm that turns and slides, of the kind of joints that errs more.
+    """
 
     expected_percent: float
     """What the designs of its recordings promise together; NaN where none does."""
@@ -108,15 +111,19 @@ def accuracy(
     if told is None:
         return None
     promises = [_promised(r) for r in records]
-    left = np.square(told.anywhere).sum() - np.square(told.noise_floor).sum()
-    size = max(float(np.linalg.norm(told.torque)), 1e-12)
-    spread = math.sqrt(UNSURE * float(np.power(told.noise_floor, 4).sum()) / estimate.samples)
-    most = max(float(left), 0.0) + CONFIDENCE * spread
+    parts: list[tuple[float, float]] = []
+    for joints in joints_by_kind(estimate.model.robot.prismatic).values():
+        noise = told.noise_floor[joints]
+        left = max(float(np.square(told.anywhere[joints]).sum() - np.square(noise).sum()), 0.0)
+        spread = math.sqrt(UNSURE * float(np.power(noise, 4).sum()) / estimate.samples)
+        size = max(float(np.linalg.norm(told.torque[joints])), 1e-12)
+        parts.append((math.sqrt(left) / size, math.sqrt(left + CONFIDENCE * spread) / size))
+    found, most = (100 * max(each) for each in zip(*parts, strict=True))
     return Accuracy(
         # Variances of independent recordings add as their inverses.
         expected_percent=float(np.sum(np.power(promises, -2.0)) ** -0.5) if promises else math.nan,
-        found_percent=100 * math.sqrt(max(float(left), 0.0)) / size,
-        bound_percent=100 * math.sqrt(most) / size,
+        found_percent=found,
+        bound_percent=most,
         noise_percent=_noise_percent(estimate, motions),
         left_out="regions" if len(records) == 1 else "recordings",
     )
@@ -138,14 +145,17 @@ def _promised(record: recording.AnyRecording) -> float:
 
 def _noise_percent(estimate: Estimate, motions: Sequence[JointMotion]) -> float:
     """RMS deviation of predicted torques by the covariance of the parameters, over the torque."""
-    variance, power = 0.0, 0.0
+    n = estimate.model.robot.joints
+    variance, power = np.zeros(n), np.zeros(n)
     for motion in motions:
         stack = estimate.model.stack(motion.q, motion.dq, motion.ddq)[list(estimate.independent)]
         spread = np.tensordot(estimate.covariance, stack, axes=1)
-        variance += max(float(np.vdot(stack, spread)), 0.0) / len(motion.q)
+        variance += (stack * spread).sum(axis=(0, 2)) / len(motion.q)
         torque = estimate.predict(motion.q, motion.dq, motion.ddq)
-        power += float(np.square(torque).sum()) / len(motion.q)
-    return 100 * math.sqrt(variance / power) if power > 0 else math.nan
+        power += np.square(torque).mean(axis=0)
+    kinds = joints_by_kind(estimate.model.robot.prismatic).values()
+    shares = [max(variance[k].sum(), 0.0) / power[k].sum() for k in kinds if power[k].any()]
+    return 100 * math.sqrt(max(shares)) if shares else math.nan
 
 
 OVER_FITTED = 1.6
