@@ -88,6 +88,19 @@ def test_the_command_reads_a_table_without_time(table: Path) -> None:
     )
 
 
+def test_what_is_wrong_with_the_table_is_said(table: Path, tmp_path: Path) -> None:
+    lines = table.read_text().splitlines()
+    lines[7] = lines[7].replace(lines[7].split(",")[0], "abc", 1)
+    (tmp_path / "poses.csv").write_text("\n".join(lines))
+    words = ["gravity", str(tmp_path / "poses.csv"), "--robot", "ur5"]
+    data = json.loads(CliRunner().invoke(build(), [*words, "--json"]).stdout)
+    assert data["poses"] == 59
+    assert {told["code"] for told in data["warnings"]} == {
+        told["code"] for told in data["findings"]
+    }
+    assert "Findings" in CliRunner().invoke(build(), words).stdout
+
+
 def test_poses_are_no_motion(table: Path) -> None:
     with pytest.raises(InputError, match="dynid gravity"):
         dynid.identify(table, "ur5")

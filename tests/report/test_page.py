@@ -166,6 +166,19 @@ def test_all_estimates_are_listed_and_compared(page: Page) -> None:
     assert "broken.parquet" in text
 
 
+def test_estimates_of_one_preset_are_told_apart_and_so_are_their_motions(
+    finished_run: Path, tmp_path: Path
+) -> None:
+    known = dynid.read_estimate(finished_run / "estimate.json")
+    wider = replace(known.motion, upper=known.motion.upper + np.pi)
+    dynid.write_estimate(known, tmp_path / "one.json")
+    dynid.write_estimate(replace(known, motion=wider), tmp_path / "two.json")
+    path, _ = report(tmp_path, tmp_path / "report.html")
+    text, label = visible(path.read_text()), f"preset {known.preset}"
+    assert f"Change from {label} (one.json) to {label} (two.json)" in text
+    assert "The motions differ (range of" in text
+
+
 def test_figures_are_written_as_files(page: Page, tmp_path: Path) -> None:
     written = write_figures(page[1], tmp_path / "figures")
     assert len(written) >= 8

@@ -226,17 +226,19 @@ def gravity_command(
     json: ask.JsonFlag = False,
 ) -> None:
     """Gravity parameters and stiction, from poses at rest."""
-    from dynid.core import write_json
+    from dynid.core import told, write_json
     from dynid.figures import joint_unit
     from dynid.identification import identify_gravity
     from dynid.robot import with_mount
+    from dynid.validation import record_findings
     from dynid.workflow import open_records
 
     if output is not None:
         show.check_output(output, inputs=[record], suffix=".json", force=force)
     (opened,), model = open_records([record], robot, ask.drive_gains(gains))
     found = identify_gravity(opened, model if mount is None else with_mount(model, mount))
-    data = found.to_json()
+    findings = record_findings(model, opened)
+    data: dict[str, Any] = found.to_json() | told(findings)
     if output is not None:
         write_json(output, data)
     if json:
@@ -279,6 +281,7 @@ def gravity_command(
         "Not identifiable at rest: inertia tensors, motor inertias, friction while moving, "
         + ", ".join(masses)
     )
+    show.print_notices(screen, "Findings", data["findings"])
 
 
 @ask.command("dynid compare cold.json warm.json", "dynid compare a.json b.json --json")

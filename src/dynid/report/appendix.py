@@ -164,6 +164,7 @@ def chapters(contents: ReportContents) -> Iterator[Chapter]:
         yield _others(contents)
     for first, second, compared in contents.comparisons:
         changes = changes_figure(first, second, compared)
+        own = [told for told in compared.warnings if told.kind == "other_motion"]
         rows = [
             (
                 group.name,
@@ -179,9 +180,13 @@ def chapters(contents: ReportContents) -> Iterator[Chapter]:
             f"Change from {first} to {second}",
             [Table(("group", "", "median change [%]", "largest", "z", "limit of z"), rows)],
             [] if changes is None else [changes],
-            "Inertias do not change with temperature: they are the control group. If they moved, "
-            "something else than friction differs between the two recordings, such as the motion: "
-            "what the model leaves out moves parameters by more than their standard deviations.",
+            " ".join(
+                [
+                    "Inertias do not change with temperature: they are the control group. If they "
+                    "moved, something else than friction differs between the two recordings.",
+                    *(f"{told.message[:1].upper()}{told.message[1:]}." for told in own),
+                ]
+            ),
         )
     for design in contents.designs:
         facts = [Table(("", ""), design.facts)] if design.facts else []

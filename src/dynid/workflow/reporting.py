@@ -5,6 +5,7 @@ A design is judged over time; an estimate stands beside its record and beside wh
 
 import itertools
 import shlex
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -322,6 +323,12 @@ def report(
         tell(f"predict with {name}", 0.3 + 0.5 * k / len(chosen))
         estimates.append(_reported_estimate(folder / name, estimate, found.records))
     tell("write the page", 0.9)
+    # Of one preset and one thermal state, the file tells which.
+    often = Counter(item.label for item in estimates)
+    estimates = [
+        item if often[item.label] == 1 else replace(item, label=f"{item.label} ({item.name})")
+        for item in estimates
+    ]
     compared = tuple(_comparisons(estimates))
     estimates.sort(key=_decides)
     contents = ReportContents(
