@@ -155,6 +155,16 @@ def test_an_arm_with_little_friction_is_not_one_whose_friction_was_compensated(
     assert told == ({"info"} if scale < 1.0 else set())
 
 
+def test_the_unit_of_a_slide_is_not_the_error_of_the_others() -> None:
+    def shrunk(made: Recorded) -> Judged:
+        factor = np.where(made.robot.prismatic, 1.0, 0.9)
+        return replace(judge(made), predicted=made.clean * factor)
+
+    case = Case(arm="sliding", motion="waypoints", rate_hz=100.0, duration_s=10.0, seed=1)
+    (row,) = run_verdicts(shrunk, [case])
+    assert row.error_percent == pytest.approx(10.0, rel=1e-6)
+
+
 def test_links_that_were_published_roughly_are_no_fault() -> None:
     """Masses off by up to 20 %, centres by up to 20 mm."""
     case = Case(arm="ur10e", motion="fourier", rate_hz=100.0, duration_s=10.0, seed=5)
