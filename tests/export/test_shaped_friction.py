@@ -290,7 +290,7 @@ def test_robot_files_have_the_nearest_friction(tmp_path: Path) -> None:
 
 
 def test_friction_of_speed_alone_is_written_as_identified(tmp_path: Path) -> None:
-    terms = parse_terms("fc,fv,im,fo", width=0.5)
+    terms = parse_terms("fc,fv,im,fo", width=0.001)
     robot = load_robot("ur5")
     parameters = parameters_of(robot, 0, terms)
     done = write_model(estimate_of(robot, parameters, terms), tmp_path / "arm.urdf", "urdf")
@@ -299,3 +299,34 @@ def test_friction_of_speed_alone_is_written_as_identified(tmp_path: Path) -> Non
     assert done.friction is not None
     assert not done.friction.stands_in
     np.testing.assert_allclose(done.friction.missing, parameters[-6:], rtol=1e-9)
+
+
+def test_a_wide_step_is_not_taken_for_a_sign(tmp_path: Path) -> None:
+    terms = parse_terms("fc,fv,im", width=0.5)
+    robot = load_robot("ur5")
+    parameters = parameters_of(robot, 0, terms)
+    estimate = estimate_of(robot, parameters, terms)
+    done = write_model(estimate, tmp_path / "arm.xml", "mjcf")
+    assert done.friction is not None
+    assert done.friction.stands_in
+    speed = np.linspace(-1, 1, 501)[:, None] * estimate.motion.speed
+    smooth = parameters[60:66] * np.tanh(speed / 0.5)
+    ours, as_identified = (
+        np.square(value * np.sign(speed) + slope * speed - smooth).mean(axis=0)
+        for value, slope in (
+            (done.friction.coulomb, done.friction.viscous - parameters[66:72]),
+            (parameters[60:66], 0.0),
+        )
+    )
+    assert (ours < as_identified).all()
+    assert done.left_out_rms == pytest.approx(np.sqrt(ours), rel=0.1)
+
+
+def test_what_a_urdf_leaves_out_is_told_in_size(tmp_path: Path) -> None:
+    robot = load_robot("ur5")
+    parameters = parameters_of(robot, 0)
+    estimate = estimate_of(robot, parameters)
+    urdf, code = (write_model(estimate, tmp_path / f"arm.{to}", to) for to in ("urdf", "python"))
+    motors = urdf.model.terms["Im"] * estimate.motion.acceleration / np.sqrt(3.0)
+    assert urdf.left_out_rms == pytest.approx(motors, rel=0.05)
+    assert code.left_out_rms.max() < EXACT

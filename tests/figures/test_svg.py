@@ -145,6 +145,8 @@ def test_shaded_stretches_and_numbers() -> None:
     assert shaded(T, mask, 0.5) == ((pytest.approx(2.01), pytest.approx(3.0)), (8.01, 10.0))
     numbers = [number(value) for value in (1.7, -524.0, 0.0415, 0.0, None, float("nan"))]
     assert numbers == ["1.70", f"{MINUS}524", "0.0415", "0", "\N{EN DASH}", "\N{EN DASH}"]
+    # Of 99.9999 two digits are a hundred.
+    assert [number(value, 2) for value in (99.9999, 99.4, 99999.9)] == ["100", "99", "1.0e+05"]
     assert joint_unit("N.m", (False, True)) == "N·m, N where sliding"
     assert joint_unit("rad/s", (True,)) == "m/s"
 

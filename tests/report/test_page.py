@@ -172,7 +172,8 @@ def test_estimates_of_one_preset_are_told_apart_and_so_are_their_motions(
     known = dynid.read_estimate(finished_run / "estimate.json")
     wider = replace(known.motion, upper=known.motion.upper + np.pi)
     dynid.write_estimate(known, tmp_path / "one.json")
-    dynid.write_estimate(replace(known, motion=wider), tmp_path / "two.json")
+    made = replace(known.provenance, inputs={})
+    dynid.write_estimate(replace(known, motion=wider, provenance=made), tmp_path / "two.json")
     path, _ = report(tmp_path, tmp_path / "report.html")
     text, label = visible(path.read_text()), f"preset {known.preset}"
     assert f"Change from {label} (one.json) to {label} (two.json)" in text

@@ -105,6 +105,19 @@ def test_other_motions_are_told_and_repetitions_are_not() -> None:
     assert (told.kind, told.severity, told.joints) == ("other_motion", "warning", (2,))
 
 
+def test_one_recording_and_other_shapes_are_told() -> None:
+    base = estimate()
+    made = replace(base.provenance, inputs={"run.parquet": "0123"})
+    first = replace(base, provenance=made, settings=replace(base.settings, stop_s=6.0))
+    second = replace(first, settings=replace(base.settings, start_s=6.0, stop_s=None))
+    assert compare(first, second).warnings == ()
+    (told,) = compare(first, replace(second, settings=base.settings)).warnings
+    assert told.kind == "same_record"
+    wide = replace(base.model.friction, width=0.05)
+    (told,) = compare(base, replace(base, model=replace(base.model, friction=wide))).warnings
+    assert told.kind == "other_shape"
+
+
 def other_model(**changes: object) -> Estimate:
     base = estimate()
     values = {"robot": base.model.robot, "frames": "dh", "friction": base.model.friction}

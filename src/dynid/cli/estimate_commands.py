@@ -116,7 +116,7 @@ def _print_parameters(screen: Console, result: Identification) -> None:
             show.number(row["std"], 2),
             show.number(row["relative_std_percent"], 3),
             row["unit"],
-            "" if row["essential"] else "not significant",
+            "" if row["essential"] else "not essential",
         )
         for row in result.estimate.parameter_table()
     ]

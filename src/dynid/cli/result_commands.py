@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from dynid.studio import Served
 
 
+MATERIAL = 1e-4
+"""Torques that miss the prediction by less are not told [N.m or N]."""
+
+
 @ask.command(
     "dynid export ur5.json --to urdf -o ur5.urdf",
     "dynid export ur5.json --to c -o ur5_dynamics.h --json",
@@ -43,6 +47,7 @@ def export_command(
 ) -> None:
     """A model that other programs load, checked by loading it."""
     from dynid.export import check_suffix, write_model
+    from dynid.figures import joint_unit
     from dynid.identification import open_estimate
 
     show.check_output(output, [estimate], force=force)
@@ -61,12 +66,20 @@ def export_command(
         screen.print(f"Not verified: {verified.loaded_with}.")
     else:
         screen.print(
-            f"Verified with {verified.loaded_with}: torques differ by at most "
-            f"{show.number(verified.max_torque_difference)} in {verified.states} random states."
+            f"Verified with {verified.loaded_with}: torques of what the file holds differ by "
+            f"{show.number(verified.max_torque_difference)} at most in {verified.states} random "
+            "states."
         )
     screen.print(f"Standard parameters: {result.model.origin}.")
     if result.left_out:
         screen.print(f"Not representable in {to}: {', '.join(result.left_out)}.")
+    if result.left_out or result.left_out_rms.max() > MATERIAL:
+        rms = " ".join(show.number(float(value), 3) for value in result.left_out_rms)
+        screen.print(
+            f"Its torques miss the prediction by {rms} "
+            f"{joint_unit('N.m', result.model.robot.prismatic)}, RMS by joint over the recorded "
+            "range."
+        )
     show.print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
 
 

@@ -35,6 +35,7 @@ from dynid.core.files import write_json as write_json
 from dynid.core.files import write_text as write_text
 from dynid.core.findings import CODES as CODES
 from dynid.core.findings import KINDS as KINDS
+from dynid.core.findings import SEVERITIES as SEVERITIES
 from dynid.core.findings import Finding as Finding
 from dynid.core.findings import Progress as Progress
 from dynid.core.findings import finding_from_json as finding_from_json

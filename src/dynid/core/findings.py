@@ -31,6 +31,7 @@ KINDS: Mapping[str, tuple[str, str]] = {
     "unwrapped": ("unit_suspect", "info"),
     "aborted": ("aborted", "warning"),
     "same_record": ("over_fitted", "warning"),
+    "other_shape": ("unit_suspect", "warning"),
     "another_robot": ("extrapolated", "warning"),
     "gain_all": ("drive_gain", "warning"),
     "torque_scale": ("drive_gain", "warning"),

@@ -27,6 +27,8 @@ _NAMED = 1e-3
 were found to lack up to 0.13 (2.4e-5) with one BLAS kernel or another, inconsistent ones 17."""
 _OF_SLIDES = 1e-3
 """Share of what a slide moves that its motor's inertia is guessed to be."""
+_SHOWN = 1e-9
+"""Of the largest column: what rounding shows of a direction that motion does not."""
 _POSES = 50
 _SEED = 0
 
@@ -142,12 +144,15 @@ class PseudoInertias:
         """
         lacking = self.shortfalls(values)
         short = lacking > max(_POSSIBLE, _NAMED * float(lacking.max()))
-        named = [name if bad else "" for name, bad in zip(self.names, short, strict=True)]
-        links, motors = named[: self.links], named[self.links :]
+        named = list(zip(self.names, short, strict=True))
+        links, motors = (
+            [name for name, bad in some if bad]
+            for some in (named[: self.links], named[self.links :])
+        )
         words = [
-            f"{what} {', '.join(filter(None, some))}"
+            f"{what}{'s' if len(some) > 1 else ''} {', '.join(some)}"
             for what, some in (("link", links), ("motor inertia", motors))
-            if any(some)
+            if some
         ]
         return " and ".join(words)
 
@@ -234,7 +239,7 @@ def _complete(estimate: Estimate) -> Completion:
     if not possible:
         values = start + nearest + unseen @ z
         worst = bodies.impossible(values) or "one link (by a small margin)"
-        values = _with_masses(bodies, values, unseen)
+        values = _with_masses(bodies, *_as_predicted(model, start, values, unseen))
         return Completion(values=values, physical=False, worst=worst, origin=_IMPOSSIBLE)
     z = _minimise(bodies, start + nearest, unseen, z)
     values = start + nearest + unseen @ z
@@ -252,6 +257,25 @@ def null_space(model: InverseDynamicModel) -> Array:
     unseen[list(base.independent)] = -base.regrouping
     unseen[list(base.dependent)] = np.eye(len(base.dependent))
     return unseen
+
+
+def _as_predicted(
+    model: InverseDynamicModel, start: Array, values: Array, unseen: Array
+) -> tuple[Array, Array]:
+    """The smallest step that gives a geometry off nominal the torques of the base parameters.
+
+    It shows weakly what the nominal one does not. Possible bodies have little of that; of others,
+    moments of 100 kg.m on the first link of an arm that leans by 0.9 degree made 11 N.m. Also the
+    directions that it does not show either.
+    """
+    columns = model.stack(*random_states(model.robot, _POSES, _SEED))
+    shown = np.tensordot(unseen, columns, axes=(0, 0)).reshape(unseen.shape[1], -1).T
+    _, sizes, turn = np.linalg.svd(shown, full_matrices=False)
+    clear = sizes > _SHOWN * np.abs(columns).max()
+    if not clear.any():
+        return values, unseen
+    left = np.tensordot(values - start, columns, axes=1).ravel()
+    return values - unseen @ _least_squares(shown, left), unseen @ turn[~clear].T
 
 
 def _nearest(bodies: PseudoInertias, start: Array, unseen: Array) -> Array:

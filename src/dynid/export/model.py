@@ -148,6 +148,10 @@ _ALONE = ("Fc", "Fv", "Fo", "Im", "Imm")
 """Beside these, Coulomb and viscous friction are what was identified."""
 
 
+_STEEP = 0.01
+"""Share of the top speed within which a Coulomb step may as well be a sign."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NearestFriction:
     """Coulomb and viscous friction of each joint, and what they leave of all friction."""
@@ -180,11 +184,12 @@ def nearest_friction(
     """
     n, terms = model.joints, model.terms
     offset = terms["Fo"]
-    if not any(values.any() for symbol, values in terms.items() if symbol not in _ALONE):
+    steep = (model.width <= _STEEP * estimate.motion.speed).all()
+    if steep and not any(values.any() for symbol, values in terms.items() if symbol not in _ALONE):
         return NearestFriction(
             coulomb=terms["Fc"], viscous=terms["Fv"], missing=np.abs(offset), stands_in=False
         )
-    q, dq, ddq = _recorded_range(estimate)
+    q, dq, ddq = recorded_range(estimate)
     # A constant is friction of neither kind, and must not be taken for some by chance.
     wanted = _friction(estimate.model, completed, q, dq, ddq) - offset
     both, missing = np.zeros((2, n)), np.zeros(n)
@@ -196,7 +201,8 @@ def nearest_friction(
     return NearestFriction(coulomb=both[0], viscous=both[1], missing=missing, stands_in=True)
 
 
-def _recorded_range(estimate: Estimate) -> tuple[Array, Array, Array]:
+def recorded_range(estimate: Estimate) -> tuple[Array, Array, Array]:
+    """(N, n) states drawn evenly from the recorded range: q, dq, ddq, SI units."""
     seen = estimate.motion
     random = np.random.default_rng(_SEED)
     q, dq, ddq = random.uniform(-1.0, 1.0, (3, _STATES, estimate.model.robot.joints))

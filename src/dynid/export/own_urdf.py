@@ -26,7 +26,6 @@ from dynid.export.robot_xml import (
 )
 from dynid.robot import UrdfLink, is_physical, move, parse_xml, urdf_links
 
-_FLOOR = (0.0, 0.0, -9.80665)
 _OTHER_SCHEMES = ("://", ":\\")
 
 
@@ -71,8 +70,7 @@ def own_urdf_text(file: Path, output: Path, model: ExportModel, note: str) -> st
                 there = os.path.relpath(file.parent / name, output.absolute().parent)
                 element.set("filename", Path(there).as_posix())
     remarks = [f"A copy of {file.name} with identified inertias, damping and friction."]
-    if not np.allclose(model.robot.gravity, _FLOOR):
-        remarks.append(f"Gravity in the frame of its root: {numbers(*model.robot.gravity)} m/s^2.")
+    remarks.append(f"Gravity in the frame of its root: {numbers(*model.robot.gravity)} m/s^2.")
     # As most writers of URDF close an element, so that the two files compare line by line.
     text = ET.tostring(root, encoding="unicode").replace('" />', '"/>')
     return "\n".join(

@@ -110,8 +110,11 @@ def left_out(model: ExportModel, held: Iterable[str]) -> tuple[str, ...]:
         for symbol, values in model.terms.items()
         if symbol not in held and values.any()
     ]
-    springs = ["torques of counterbalances"] if model.robot.counterbalances else []
-    return tuple(dict.fromkeys([*gone, *springs]))
+    if model.presliding is not None:
+        gone.append("presliding friction")
+    if model.robot.counterbalances:
+        gone.append("torques of counterbalances")
+    return tuple(dict.fromkeys(gone))
 
 
 def stand_in_words(friction: NearestFriction | None) -> list[str]:

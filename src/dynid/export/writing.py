@@ -18,11 +18,19 @@ from dynid.core import (
     JobError,
     in_one_piece,
     printable,
+    read_only,
     told,
 )
 from dynid.export import robot_xml, verification
+from dynid.export.completion import Completion
 from dynid.export.generated_code import c_code, c_prefix, python_code
-from dynid.export.model import ExportModel, NearestFriction, completed_model, nearest_friction
+from dynid.export.model import (
+    ExportModel,
+    NearestFriction,
+    completed_model,
+    nearest_friction,
+    recorded_range,
+)
 from dynid.export.own_urdf import own_urdf_text
 from dynid.export.robot_xml import left_out, stand_in_words
 from dynid.identification import Estimate, EstimateLike, open_estimate
@@ -209,6 +217,9 @@ class ExportedFile:
     """What another program made of it."""
     left_out: tuple[str, ...]
     """What the identified model has and the file has no place for, in words."""
+    left_out_rms: Array
+    """(n) RMS of what that makes of the predicted torques, over states drawn from the recorded
+    range, joints sliding [N.m or N]."""
     friction: NearestFriction | None = None
     """Coulomb and viscous friction of a file that has a place for no other."""
     warnings: tuple[Finding, ...] = ()
@@ -224,6 +235,7 @@ class ExportedFile:
             "physical": self.model.physical,
             "standard_parameters": self.model.origin,
             "left_out": list(self.left_out),
+            "left_out_rms": self.left_out_rms.tolist(),
             **told(self.warnings),
         }
 
@@ -296,6 +308,7 @@ def write_model(
         f"dynid {made.versions.get('dynid', '')}, estimator {estimate.estimator}, "
         f"{estimate.samples} samples, identified {made.created}."
     ]
+    remarks += [f"{note[:1].upper()}{note[1:]}." for note in model.robot.notes]
     if kind.held is not None and model.presliding is not None:
         said = "Its presliding needs the past: friction here is that of joints that slide."
         remarks.append(said)
@@ -314,6 +327,7 @@ def write_model(
                 limit=verified.tolerance,
             )
     missing = () if kind.held is None else left_out(model, kind.held)
+    gap = _gap(estimate, completed, kind.held, friction)
     return ExportedFile(
         path=path,
         to=to,
@@ -321,8 +335,9 @@ def write_model(
         source=source,
         verified=verified,
         left_out=missing,
+        left_out_rms=gap,
         friction=friction,
-        warnings=_warnings(to, model, friction, estimate),
+        warnings=_warnings(to, model, (missing, gap), estimate),
     )
 
 
@@ -339,11 +354,32 @@ def _copy_torque(
     return verification.urdf_torque(path, states, robot.gravity, robot.joint_names, robot.locked)
 
 
+def _gap(
+    estimate: Estimate,
+    completed: Completion,
+    held: tuple[str, ...] | None,
+    friction: NearestFriction | None,
+) -> Array:
+    """(n) RMS difference of a file's torques and the predicted ones over the recorded range.
+
+    Beside what the file has no place for: of a geometry off nominal, no bodies have exactly the
+    torques of the base parameters.
+    """
+    states = recorded_range(estimate)
+    ours = verification.our_torque(estimate, completed, states, held, friction)
+    theirs = estimate.predict(*states)
+    return read_only(np.sqrt(np.square(ours[:, : theirs.shape[1]] - theirs).mean(axis=0)))
+
+
 def _warnings(
-    to: str, model: ExportModel, friction: NearestFriction | None, known: Estimate
+    to: str, model: ExportModel, missing: tuple[tuple[str, ...], Array], known: Estimate
 ) -> tuple[Finding, ...]:
-    noise = known.noise
-    found = [finding for finding in known.warnings if finding.code == "not_physical"]
+    noise, (words, gap) = known.noise, missing
+    found = [
+        finding
+        for finding in known.warnings
+        if finding.code == "not_physical" or finding.severity == "error"
+    ]
     if not model.physical:
         found.append(
             Finding(
@@ -353,20 +389,17 @@ def _warnings(
                 " meaning, and simulators may refuse them; use --estimator sdp",
             )
         )
-    if friction is not None and (friction.missing > noise).any():
-        joints = ", ".join(
-            f"{j + 1} ({friction.missing[j]:.2g} against {noise[j]:.2g})"
-            for j in np.flatnonzero(friction.missing > noise)
+    over = np.flatnonzero(gap > noise)
+    if len(over):
+        joints = ", ".join(f"{gap[j]:.3g} (noise {noise[j]:.3g}) at joint {j + 1}" for j in over)
+        what = "no bodies have exactly the torques of the estimate, whose geometry is off nominal"
+        if words:
+            what = f"{to} has no place for {', '.join(words)}"
+        text = (
+            f"{what}: over the recorded range, the file's torques miss the prediction by RMS of"
+            f" {joints}, in N.m or N; c, python and json hold all terms"
         )
-        found.append(
-            Finding(
-                "extrapolated",
-                f"{to} cannot represent all identified friction; damping and dry friction"
-                " approximate it over the recorded range. The residual exceeds the noise of the"
-                f" identification at joints {joints}, RMS in N.m or N; c, python and json represent"
-                " all of it",
-            )
-        )
+        found.append(Finding("extrapolated", text, joints=tuple(map(int, over))))
     return tuple(found)
 
 

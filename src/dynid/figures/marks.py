@@ -28,7 +28,7 @@ def number(value: float | None, digits: int = 3) -> str:
     if value is None or not math.isfinite(value):
         return "\N{EN DASH}"
     # Hundreds of percent are read as such, not as powers of ten.
-    whole = 10.0**digits <= abs(value) < 1e5
+    whole = 10.0**digits <= float(f"{abs(value):.{digits - 1}e}") < 1e5
     text = f"{value:.0f}" if whole else f"{value:#.{digits}g}".rstrip(".") if value else "0"
     return text.replace("-", MINUS)
 

@@ -146,7 +146,9 @@ class BaseParametrization:
     dependent: tuple[int, ...]
     """(p - r) columns regrouped into them."""
     regrouping: Array
-    """K (r, p - r), W2 = W1 K."""
+    """K (r, p - r), W2 = W1 K; of a geometry that is not nominal, the nearest (least squares)."""
+    nominal_regrouping: Array
+    """(r, p - r) of the nominal geometry: exact zeros, in `expressions`."""
     classes: Rank
     """Rank, and which parameters are identifiable."""
     singular_values: Array
@@ -201,7 +203,7 @@ class BaseParametrization:
     def _expression(self, row: int) -> str:
         names = self.model.names
         text = names[self.independent[row]]
-        for column, factor in zip(self.dependent, self.regrouping[row], strict=True):
+        for column, factor in zip(self.dependent, self.nominal_regrouping[row], strict=True):
             if factor != 0:
                 size = abs(factor)
                 times = "" if abs(size - 1) < 1e-9 else f"{size:.8g}*"
@@ -221,7 +223,8 @@ def reduce_model(
 
     The structure is that of the nominal geometry and of structural gravity: rounding, factory
     calibration and a mounting tilted by less than a degree do not create parameters that no
-    motion can resolve; what was set straight stands in `warnings`.
+    motion can resolve; what was set straight stands in `warnings`. How the other parameters act
+    on the base columns is that of the real geometry.
 
     Args:
         model: The inverse dynamic model.
@@ -243,12 +246,12 @@ def reduce_model(
     q, dq, ddq = random_states(model.robot, rows, seed)
     if static:
         dq = ddq = np.zeros_like(q)
-    w = structural.observation_matrix(q, dq, ddq)
+    states = [(q, dq, ddq)]
     if not static and any(term == "fs" for term, _ in model.friction.terms):
         # Random speeds of pi rad/s rarely meet a Stribeck peak that ends near 0.1 rad/s.
         speed = 2 * model.friction.stribeck_velocity
-        slow = random_states(model.robot, rows, seed + 1, speed)
-        w = np.vstack([w, structural.observation_matrix(*slow)])
+        states.append(random_states(model.robot, rows, seed + 1, speed))
+    w = np.vstack([structural.observation_matrix(*some) for some in states])
     classes = rank_and_classes(w, tolerance)
     independent, dependent, k = regrouping(w, tolerance)
     warnings = (*warnings, *_weak_gap(classes), *_two_ranks(classes.rank, len(independent)))
@@ -256,7 +259,10 @@ def reduce_model(
         model=model,
         independent=independent,
         dependent=dependent,
-        regrouping=read_only(k),
+        regrouping=read_only(
+            _real_regrouping(model, structural, states, independent, dependent, k)
+        ),
+        nominal_regrouping=read_only(k),
         classes=classes,
         singular_values=read_only(np.asarray(np.linalg.svd(w, compute_uv=False), dtype=np.float64)),
         tolerance=tolerance,
@@ -264,6 +270,40 @@ def reduce_model(
         samples=rows,
         warnings=warnings,
     )
+
+
+def _real_regrouping(
+    model: InverseDynamicModel,
+    structural: InverseDynamicModel,
+    states: list[tuple[Array, Array, Array]],
+    independent: tuple[int, ...],
+    dependent: tuple[int, ...],
+    nominal: Array,
+) -> Array:
+    """(r, p - r) K that is nearest to W2 = W1 K for a geometry that is not the structural one.
+
+    With the nominal K, bodies with the base parameters of a UR10e whose axes are 0.1 degree and
+    1 mm off give torques that are up to 0.7 N.m off.
+    """
+    ours, theirs = model.robot, structural.robot
+    same = all(
+        np.array_equal(a, b)
+        for a, b in (
+            (ours.placements, theirs.placements),
+            (ours.axes, theirs.axes),
+            (ours.gravity, theirs.gravity),
+            (ours.parameter_frames[model.frames], theirs.parameter_frames[model.frames]),
+        )
+    )
+    if same or not dependent:
+        return nominal
+    w = np.vstack([model.observation_matrix(*some) for some in states])
+    own, others = w[:, list(independent)], w[:, list(dependent)]
+    size = np.linalg.norm(own, axis=0)
+    size[size == 0] = 1.0
+    left = others - own @ nominal
+    found = np.asarray(np.linalg.lstsq(own / size, left, rcond=None)[0], dtype=np.float64)
+    return nominal + found / size[:, None]
 
 
 def _structural_model(

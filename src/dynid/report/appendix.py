@@ -28,6 +28,9 @@ from dynid.validation import ValidationResult, errors_by_kind, uncertainty_over_
 SAMPLES = 1000
 QUANTITIES = (("position", "rad"), ("velocity", "rad/s"), ("acceleration", "rad/s^2"))
 
+_MISLEAD = ("other_motion", "same_record", "other_shape")
+"""Findings of a comparison that the page tells in words."""
+
 
 def design_figures(item: ReportedDesign) -> tuple[draw.Figure, ...]:
     """All figures of a design."""
@@ -164,7 +167,7 @@ def chapters(contents: ReportContents) -> Iterator[Chapter]:
         yield _others(contents)
     for first, second, compared in contents.comparisons:
         changes = changes_figure(first, second, compared)
-        own = [told for told in compared.warnings if told.kind == "other_motion"]
+        own = [told for told in compared.warnings if told.kind in _MISLEAD]
         rows = [
             (
                 group.name,
@@ -260,7 +263,7 @@ def _parameters(item: ReportedEstimate) -> Chapter:
             draw.units(estimate.units[k]),
             draw.number(float(estimate.std[k]), 2),
             draw.number(float(relative[k]), 2),
-            "" if k in estimate.essential else "not significant",
+            "" if k in estimate.essential else "not essential",
             estimate.expressions[k],
         )
         for k, name in enumerate(estimate.names)
@@ -271,7 +274,8 @@ def _parameters(item: ReportedEstimate) -> Chapter:
         [parameter_figure(estimate)],
         f"{len(rows)} combinations of the {len(estimate.model.columns)} standard parameters are "
         "identifiable. The last column says which combination a name stands for. Standard "
-        "deviations allow for autocorrelated residuals.",
+        "deviations allow for autocorrelated residuals. Without those that are not essential, the "
+        "relative deviations of all others are within a factor of 30 (Pham and Gautier 1991).",
     )
 
 

@@ -296,7 +296,7 @@ def models_figure(item: ReportedEstimate) -> draw.Figure | None:
 
 
 def parameter_figure(estimate: Estimate) -> draw.Figure:
-    """Each base parameter with its 95 % interval; those that are not significant are hollow."""
+    """Each base parameter with its 95 % interval; those that are not essential are hollow."""
     kinds = list(dict.fromkeys(estimate.units))
     panels: list[draw.Panel] = []
     for unit in kinds:
@@ -312,9 +312,9 @@ def parameter_figure(estimate: Estimate) -> draw.Figure:
                 marks=(
                     draw.Level(0.0, upright=True, dash=""),
                     draw.Ranges(rows, values - half, values + half, "predicted", across=True),
-                    draw.Points(values[solid], rows[solid], "predicted", "significant", 6),
+                    draw.Points(values[solid], rows[solid], "predicted", "essential", 6),
                     draw.Points(
-                        values[~solid], rows[~solid], "predicted", "not significant", 6, hollow=True
+                        values[~solid], rows[~solid], "predicted", "not essential", 6, hollow=True
                     ),
                 ),
                 height=max(15.0 * len(chosen), 40.0),

@@ -382,7 +382,11 @@ def with_carried(robot: RobotModel) -> RobotModel:
         return robot
     inertias = np.array(robot.inertias)
     inertias[-1] += carried(robot)
-    return replace(robot, inertias=inertias, tool=replace(robot.tool, mass=0.0, com=np.zeros(3)))
+    note = (
+        f"link {robot.joints} includes {robot.tool.mass:g} kg at the flange, as the robot file says"
+    )
+    tool = replace(robot.tool, mass=0.0, com=np.zeros(3))
+    return replace(robot, inertias=inertias, tool=tool, notes=(*robot.notes, note))
 
 
 def _rebuild(values: dict[str, Any]) -> RobotModel:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Finding, Indices, InputError, Mask, plain, read_only, told
+from dynid.core import SEVERITIES, Array, Finding, Indices, InputError, Mask, plain, read_only, told
 from dynid.identification import (
     Estimate,
     EstimateLike,
@@ -148,6 +148,7 @@ def refuse_strangers(a: Estimate, b: Estimate) -> None:
             all that differs.
     """
     reasons: list[str] = []
+    step = "Identify both recordings with the same --robot"
     one, other = a.model.robot, b.model.robot
     if not _same_chain(one, other):
         reasons.append(f"robots ({_called(one)} and {_called(other)})")
@@ -157,15 +158,20 @@ def refuse_strangers(a: Estimate, b: Estimate) -> None:
         reasons.append(f"frames ({a.model.frames} and {b.model.frames})")
     terms = [estimate.model.friction.describe() for estimate in (a, b)]
     if terms[0] != terms[1]:
+        if not reasons:
+            step += f" and with --terms {_all_terms(a, b)}"
         reasons.append(f"terms ({terms[0]} and {terms[1]})")
     same = a.independent == b.independent and all(map(_same_sum, a.expressions, b.expressions))
     if not reasons and not same:
-        reasons.append(f"base sets ({len(a.values)} and {len(b.values)} parameters)")
+        only = sorted({*a.names} ^ {*b.names}) or ["their combinations"]
+        reasons.append(
+            f"base sets ({len(a.values)} and {len(b.values)} parameters: {', '.join(only)})"
+        )
+        # Which friction parameters can be told apart depends on the shapes that were chosen.
+        step += " and with --preset paper, whose shapes are not chosen from the recording"
     if reasons:
         raise InputError(
-            f"the estimates differ in {' and in '.join(reasons)}",
-            next_step="Identify both recordings with the same --robot and with "
-            f"--terms {_all_terms(a, b)}",
+            f"the estimates differ in {' and in '.join(reasons)}", next_step=f"{step}."
         )
 
 
@@ -187,12 +193,46 @@ def comparison_warnings(a: Estimate, b: Estimate) -> tuple[Finding, ...]:
     if not np.allclose(*gains, rtol=_SAME_GAIN, atol=0, equal_nan=True):
         message = "the drive gains differ; parameters from currents are scaled by them"
         found.append(Finding("unit_suspect", message))
-    found += _other_motion(a, b)
-    for label, estimate in (("first", a), ("second", b)):
-        told = {notice.kind: notice.severity for notice in estimate.warnings}
-        for kind, severity in sorted(told.items()):
-            found.append(Finding(kind, f"a finding of the {label} estimate", severity=severity))
+    if _same_rows(a, b):
+        message = (
+            "both are of one recording: their deviations are not independent, and what moved did "
+            "so by the settings"
+        )
+        found.append(Finding("same_record", message))
+    else:
+        found += _other_motion(a, b)
+    one, other = (_shapes(estimate.model.friction) for estimate in (a, b))
+    if apart := [name for name in one if one[name] != other[name]]:
+        message = (
+            f"the friction has other shapes ({', '.join(apart)}), which its parameters go with: "
+            "identify both with --preset paper to compare friction"
+        )
+        found.append(Finding("other_shape", message))
+    own = [{notice.kind: notice.severity for notice in one.warnings} for one in (a, b)]
+    for kind in sorted({*own[0], *own[1]}):
+        names = [name for name, told in zip(("first", "second"), own, strict=True) if kind in told]
+        of = "both estimates" if len(names) > 1 else f"the {names[0]} estimate"
+        worst = max((told.get(kind, "info") for told in own), key=SEVERITIES.index)
+        found.append(Finding(kind, f"a finding of {of}", severity=worst))
     return tuple(found)
+
+
+def _same_rows(a: Estimate, b: Estimate) -> bool:
+    """Whether both are of one recording, and of the same part of it."""
+    starts, stops = ([getattr(e.settings, name) for e in (a, b)] for name in ("start_s", "stop_s"))
+    first = max(0.0 if start is None else start for start in starts)
+    last = min(np.inf if stop is None else stop for stop in stops)
+    return first < last and bool({*a.provenance.inputs.values()} & {*b.provenance.inputs.values()})
+
+
+def _shapes(friction: FrictionTerms) -> dict[str, Any]:
+    """What its parameters multiply, beside the terms themselves."""
+    return {
+        "widths of the Coulomb step": np.atleast_1d(friction.width).tolist(),
+        "Stribeck velocity": friction.stribeck_velocity,
+        "presliding": np.atleast_1d(friction.presliding).tolist(),
+        "waves of gears": [ripple.to_json() for ripple in friction.ripples],
+    }
 
 
 def _other_motion(a: Estimate, b: Estimate) -> tuple[Finding, ...]:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from dynid.core import Array
+from dynid.recording.record import are_poses
 from dynid.recording.table import Mask, RawTable, rows_with
 
 DEGREE = np.pi / 180
@@ -210,6 +211,9 @@ def check_counted_rows(table: RawTable) -> RawTable:
     is twice as long as those before and after.
     """
     q, index = table.signals["q"], table.index
+    if are_poses(q):
+        # Between single poses there is no motion that could tell.
+        return table
     steps, ticks = np.diff(q, axis=0), table.ticks
     last = len(steps) - 6
     around = 0.25 * (steps[:last] + steps[1 : last + 1] + steps[5 : last + 5] + steps[6:])
