@@ -164,8 +164,10 @@ def urdf_remarks(model: ExportModel, note: str) -> list[str]:
     missing = left_out(model, URDF_HELD)
     if missing:
         remarks.append(f"Identified, but without a place in URDF: {', '.join(missing)}.")
-    if model.terms["Im"].any():
-        remarks.append(f"Motor inertias, joint side, by joint: {numbers(*model.terms['Im'])}.")
+    for symbol, what in (("Im", "Motor inertias"), ("Imm", "Inertias of coupled motors")):
+        values = model.terms.get(symbol)
+        if values is not None and values.any():
+            remarks.append(f"{what}, joint side, by joint: {numbers(*values)}.")
     return remarks
 
 
