@@ -179,7 +179,7 @@ def _bodies(item: ReportedEstimate) -> tuple[str, str, str]:
     else:
         detail = (
             "Other values of single links are mostly the prior's. Physically consistent links: "
-            "--estimator sdp."
+            "\N{NON-BREAKING HYPHEN}\N{NON-BREAKING HYPHEN}estimator sdp."
         )
     return (str(int(np.sum(share >= 0.5))), f"of {n} link masses mostly data", detail)
 
