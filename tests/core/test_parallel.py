@@ -102,6 +102,53 @@ def test_starts_of_a_design_on_a_cluster(cluster: Any) -> None:
     assert beside.evaluations == alone.evaluations
 
 
+ORPHANS = """
+import os, signal, sys
+sys.path.insert(0, {folder!r})
+from dynid.core import workers
+from test_parallel import process_of
+if __name__ == "__main__":
+    with workers(2) as beside:
+        print(beside.submit(process_of, 1).result(), flush=True)
+        os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_workers_end_with_a_process_that_is_killed(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(ORPHANS.format(folder=str(Path(__file__).parent)))
+    # The worker has our end of the pipe too: it closes when both have ended.
+    done = subprocess.run([sys.executable, script], capture_output=True, timeout=60, check=False)
+    assert done.returncode == -signal.SIGKILL
+    assert int(done.stdout) > 0
+
+
+class Closed:
+    """A client whose scheduler is gone: nothing comes back, and nothing is taken."""
+
+    handed = 0
+
+    def submit(self, _task: Any, *_words: Any) -> Any:
+        client: Any = pytest.importorskip("distributed").client
+        self.handed += 1
+        if self.handed > 1:
+            raise client.ClosedClientError
+        future: Any = importlib.import_module("concurrent.futures").Future()
+        future.set_exception(client.ClosedClientError())
+        return future
+
+
+def test_without_its_scheduler_all_runs_here() -> None:
+    found = dict(each(square, ITEMS, Workers(Closed(), 2)))  # type: ignore[arg-type]
+    assert found == {k: k * k for k in ITEMS}
+
+
+@pytest.mark.parametrize("address", ["nonsense", "12345", "", "http://127.0.0.1:8786", "/tmp/x"])
+def test_an_address_without_a_port_is_refused_at_once(address: str) -> None:
+    with pytest.raises(InputError, match="HOST:PORT"), workers(1, address):
+        pass
+
+
 class Here:
     """Workers that run at once what they are given, and count how often."""
 

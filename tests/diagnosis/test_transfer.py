@@ -88,6 +88,34 @@ def test_other_friction_is_refitted_and_inertias_stay(estimate: Estimate) -> Non
     assert np.linalg.eigvalsh(adapted.covariance).min() > -1e-12
 
 
+def test_friction_that_a_recording_does_not_show_stays(estimate: Estimate) -> None:
+    """It was made of rounding: -3.7e7 N.m.s/rad, or 0.0 +- 0.0."""
+    other = recording(Wrong(still=(1, 2), seed=9))
+    adapted = refit_friction(estimate, samples_of(estimate, other))
+    (told,) = [one for one in adapted.warnings if one.kind == "low_excitation"]
+    for name, before, after, std in zip(
+        estimate.names, estimate.values, adapted.values, adapted.std, strict=True
+    ):
+        if name[0] == "F" and int(name[-1]) > 1:
+            assert name in told.message or not name.startswith("Fv")
+            assert abs(after - before) < 2 * std
+            assert std > 0.5 * abs(before)
+
+
+def test_a_refitted_estimate_says_so(estimate: Estimate, tmp_path: Path) -> None:
+    from dynid.identification import read_estimate, write_estimate
+    from dynid.recording import write_record
+    from dynid.workflow import validate_files
+
+    paths = [tmp_path / name for name in ("known.json", "warm.parquet", "warm.json")]
+    write_estimate(estimate, paths[0])
+    write_record(recording(Wrong(load_friction=0.15, seed=9)), paths[1])
+    told = validate_files(*paths[:2], refit="friction", output=paths[2]).warnings
+    assert "same_record" in {one.kind for one in told}
+    assert any("refitted to" in one for one in read_estimate(paths[2]).choices)
+    assert "same_record" in {one.kind for one in validate_files(paths[2], paths[1]).warnings}
+
+
 def test_unknown_parts_are_refused(tmp_path: Path) -> None:
     from dynid.core import InputError
     from dynid.workflow import validate_files

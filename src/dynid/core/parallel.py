@@ -8,7 +8,9 @@ import ctypes
 import multiprocessing
 import os
 import signal
+import socket
 import sys
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Generator, Iterator, Sequence
@@ -70,7 +72,9 @@ class Workers:
             mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
             try:
                 return self.executor.submit(_run, task, *words)
-            except RuntimeError:
+            except Exception as error:
+                if not isinstance(error, RuntimeError) and not _of_dask(error):
+                    raise
                 again = self.reopen is not None and self.reopened < MOST_REOPENED
                 self.executor = self.reopen() if again and self.reopen is not None else None
                 self.reopened += 1
@@ -113,10 +117,18 @@ def result_of(future: futures.Future[Result]) -> Result:
     except (futures.BrokenExecutor, futures.CancelledError) as error:
         raise WorkerLost from error
     except Exception as error:
-        distributed: Any = sys.modules.get("distributed")
-        if distributed is not None and isinstance(error, distributed.KilledWorker):
+        if _of_dask(error):
             raise WorkerLost from error
         raise
+
+
+def _of_dask(error: Exception) -> bool:
+    """Whether a cluster lost a worker, or this process its scheduler."""
+    distributed: Any = sys.modules.get("distributed")
+    if distributed is None:
+        return False
+    lost = (distributed.KilledWorker, distributed.client.ClosedClientError)
+    return isinstance(error, lost)
 
 
 def each(
@@ -258,6 +270,9 @@ def told_to_stop() -> bool:
 @contextmanager
 def _dask_workers(address: str) -> Generator[Workers]:
     distributed: Any = require("distributed", "dask")
+    scheme, _, place = address.rpartition("://")
+    if scheme != "inproc":
+        _require_port(address, scheme, place)
     try:
         client = distributed.Client(address, timeout=DASK_TIMEOUT_S, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -268,7 +283,9 @@ def _dask_workers(address: str) -> Generator[Workers]:
     def present() -> int:
         try:
             return len(client.nthreads())
-        except (OSError, TimeoutError):
+        except Exception as error:
+            if not isinstance(error, (OSError, TimeoutError)) and not _of_dask(error):
+                raise
             return 0
 
     try:
@@ -284,6 +301,21 @@ def _dask_workers(address: str) -> Generator[Workers]:
         yield Workers(client.get_executor(pure=False), slots, present=present)
     finally:
         client.close()
+
+
+def _require_port(address: str, scheme: str, place: str) -> None:
+    """Whether somebody listens: a client that finds nobody prints a traceback when it ends."""
+    host, _, port = place.partition("/")[0].rpartition(":")
+    if scheme not in ("", "tcp", "tls", "ws", "wss", "ucx") or not host or not port.isdigit():
+        raise InputError(
+            "no address of a Dask scheduler", where="--dask", value=address, limit="HOST:PORT"
+        )
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), DASK_TIMEOUT_S).close()
+    except (OSError, OverflowError) as error:
+        raise InputError(
+            f"no Dask scheduler answers: {error}", where="--dask", value=address
+        ) from error
 
 
 @contextmanager
@@ -307,3 +339,12 @@ def _begin_worker(enough: Event) -> None:
     _enough = enough
     # Ctrl-C reaches the whole process group; the calling process decides what ends.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """A worker whose parent was killed would wait for tasks for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

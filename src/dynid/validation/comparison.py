@@ -27,6 +27,8 @@ from dynid.signals import Samples
 CAUSES = ("offset", "gravity", "friction", "inertia")
 CORRELATION_S = 0.2
 """Residuals this long are taken as one when a deviation is given."""
+_UNSEEN = 0.5
+"""Of what a friction parameter may change by: one that is no surer was not seen."""
 _SMOOTH = 0.02
 """Smoothing velocity of the Coulomb shape, share of the joint's usual top speed."""
 
@@ -95,6 +97,9 @@ def _fit(columns: tuple[Array, ...], error: Array) -> tuple[Array, list[Array]]:
 def refit_friction(estimate: Estimate, samples: Samples) -> Estimate:
     """The same inertias with the friction of another record.
 
+    Each friction parameter may be another by as much as it is, or as the largest of its kind is by
+    a tenth (standard deviation): what the record does not show stays what it was, and is told.
+
     Args:
         estimate: The estimate; inertial parameters and motor inertias stay as they are.
         samples: The record that friction is taken from.
@@ -107,27 +112,53 @@ def refit_friction(estimate: Estimate, samples: Samples) -> Estimate:
         raise InputError("the estimate has no friction", where="--refit")
     independent, rows = list(estimate.independent), samples.rows
     columns, torque = recorded_rows(model, samples, rows, independent, motion_state(model, samples))
-    columns, torque = (x / estimate.noise[:, None] for x in (columns, torque))
-    fixed = [k for k in range(len(estimate.values)) if k not in chosen]
-    left = torque - np.tensordot(estimate.values[fixed], columns[fixed], axes=1)
+    # At rest, friction is whatever holds the joint.
+    moves = _SMOOTH * estimate.motion.speed[:, None] < np.abs(samples.dq[rows]).T
+    columns, torque = (x * moves / estimate.noise[:, None] for x in (columns, torque))
+    left = torque - np.tensordot(estimate.values, columns, axes=1)
     design = columns[chosen].reshape(len(chosen), -1)
     square = design @ design.T
-    inverse = np.linalg.pinv(square, hermitian=True)
-    found = inverse @ (design @ left.ravel())
-    rest = left.ravel() - found @ design
+    rest = (
+        left.ravel() - (np.linalg.pinv(square, hermitian=True) @ (design @ left.ravel())) @ design
+    )
     # Residuals are correlated: fewer of them count.
-    freedom = max(rest.size / (CORRELATION_S * samples.rate_hz) - len(chosen), 1.0)
+    freedom = max(int(moves.sum()) / (CORRELATION_S * samples.rate_hz) - len(chosen), 1.0)
+    noise = max(float(rest @ rest) / freedom, np.finfo(float).tiny)
+    spread = _may_change(estimate, chosen)
+    # In units of what may change, so that neither is lost in the rounding of the other.
+    scaled = square * np.outer(spread, spread) / noise + np.eye(len(chosen))
+    inverse = np.linalg.inv(scaled) * np.outer(spread, spread)
+    found = estimate.values[chosen] + inverse @ (design @ left.ravel()) / noise
     values, covariance = np.array(estimate.values), np.array(estimate.covariance)
     values[chosen] = found
     covariance[chosen, :] = covariance[:, chosen] = 0.0
-    covariance[np.ix_(chosen, chosen)] = inverse * float(rest @ rest) / freedom
+    covariance[np.ix_(chosen, chosen)] = inverse
     standard = estimate.standard
     if standard is not None:
         places = [estimate.independent[k] for k in chosen]
         whole, std = np.array(standard.values), np.array(standard.std)
         whole[places], std[places] = found, np.sqrt(np.diag(covariance)[chosen])
         standard = replace(standard, values=whole, std=std)
-    return replace(estimate, values=values, covariance=covariance, standard=standard)
+    unseen = [
+        estimate.names[k]
+        for k, before, after in zip(chosen, spread, np.sqrt(np.diag(inverse)), strict=True)
+        if after > _UNSEEN * before
+    ]
+    told = estimate.warnings
+    if unseen:
+        message = f"the record hardly shows {', '.join(unseen)}: they stay near what they were"
+        told = (*told, Finding("low_excitation", message))
+    return replace(estimate, values=values, covariance=covariance, standard=standard, warnings=told)
+
+
+def _may_change(estimate: Estimate, chosen: list[int]) -> Array:
+    """(f) by how much each friction parameter may be another on another day, SI units."""
+    size = np.maximum(np.abs(estimate.values), estimate.std)
+    kinds = [name.rstrip("0123456789") for name in estimate.names]
+    largest: dict[str, float] = {}
+    for k in chosen:
+        largest[kinds[k]] = max(largest.get(kinds[k], 0.0), float(size[k]))
+    return np.array([max(size[k], 0.1 * largest[kinds[k]], 1e-9) for k in chosen])
 
 
 _SAME_PLACE = 1e-9

@@ -7,9 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import DynidError, InputError, Progress, check_word, make_folder, silent, workers
+from dynid.core import (
+    DynidError,
+    InputError,
+    Progress,
+    check_word,
+    make_folder,
+    provenance,
+    silent,
+    workers,
+)
 from dynid.export import ExportedFile, write_model
-from dynid.identification import open_estimate, write_estimate
+from dynid.identification import Estimate, open_estimate, write_estimate
 from dynid.recording import (
     LONG,
     AnyRecording,
@@ -18,6 +27,7 @@ from dynid.recording import (
     StoredRecording,
     as_list,
     checked_records,
+    fingerprint,
     local_files,
     open_any,
     open_record,
@@ -146,11 +156,32 @@ def validate_files(
     known = open_estimate(estimate, at_degC)
     record = open_record(recording, known.model.robot, gains)
     if refit is not None:
-        samples = samples_of(known, record, start_s=start_s, stop_s=stop_s)
-        known = refit_friction(known, samples)
+        known = _refitted(known, record, start_s, stop_s)
         if output is not None:
             write_estimate(known, output)
-    return validate(known, record, start_s=start_s, stop_s=stop_s)
+    found = validate(known, record, start_s=start_s, stop_s=stop_s)
+    if refit is not None:
+        told = [one for one in known.warnings if one.kind == "low_excitation"]
+        found = replace(found, warnings=tuple(dict.fromkeys([*told, *found.warnings])))
+    return found
+
+
+def _refitted(
+    estimate: Estimate, record: ExperimentRecord, start_s: float | None, stop_s: float | None
+) -> Estimate:
+    """The estimate with this recording's friction; it tells where that comes from."""
+    found = refit_friction(estimate, samples_of(estimate, record, start_s=start_s, stop_s=stop_s))
+    name, made = record.metadata.origin or "the recording", estimate.provenance
+    inputs = dict(made.inputs)
+    if start_s is None and stop_s is None:
+        # An error on all of it is that of a recording that was fitted to.
+        inputs[name] = fingerprint(record)
+    window = "" if name in inputs else f", {start_s or 0.0:g} s to {stop_s or record.t[-1]:g} s"
+    return replace(
+        found,
+        choices=(*found.choices, f"friction refitted to {name}{window}"),
+        provenance=provenance(inputs, {**made.settings, "refit": "friction"}, made.seed),
+    )
 
 
 ESTIMATE = "estimate.json"
