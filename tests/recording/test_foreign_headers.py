@@ -432,8 +432,11 @@ def test_names_under_a_line_of_groups(tmp_path: Path, case: str) -> None:
     groups, names = GROUPED[case]
     t, q, qd, effort = truth()
     path = write(tmp_path / "x.csv", names, t, q, qd, effort)
-    path.write_text(",".join(groups) + "\n" + path.read_text())
-    check(path)
+    table = path.read_text()
+    # Workbooks with merged cells have no empty ones at the end of the line.
+    for line in (",".join(groups), ",".join(groups).rstrip(",")):
+        path.write_text(line + "\n" + table)
+        check(path)
 
 
 def test_names_under_groups_of_joints(tmp_path: Path) -> None:

@@ -133,6 +133,25 @@ def test_the_robot_of_a_file_is_told_by_its_axes(
     assert "another_robot" not in found
 
 
+@pytest.mark.parametrize("preset", ["paper", "best"])
+def test_a_cutoff_that_leaves_no_motion_is_refused(record: ExperimentRecord, preset: str) -> None:
+    low = 1.0 / record.duration_s
+    with pytest.raises(InputError, match="too low for the record's duration"):
+        dynid.identify(record, "ur5", dynid.IdentifySettings(preset=preset, cutoff_hz=low))
+    signals = {name: x if name in ("q", "qd") else 1.01 * x for name, x in record.signals.items()}
+    loaded = replace(record, signals=signals)
+    for cutoff_hz, words in ((low, "too low"), (100.0, "too high")):
+        with pytest.raises(InputError, match=words):
+            dynid.identify_payload(record, loaded, "ur5", cutoff_hz=cutoff_hz)
+
+
+def test_a_weighting_that_no_estimator_takes_is_refused(record: ExperimentRecord) -> None:
+    for estimator in (None, "ols", "irls"):
+        settings = dynid.IdentifySettings(preset="paper", estimator=estimator, weighting="size")
+        with pytest.raises(InputError, match="only weighted least squares"):
+            dynid.identify(record, "ur5", settings)
+
+
 def test_a_cutoff_that_the_rate_cannot_carry_is_refused(record: ExperimentRecord) -> None:
     settings = dynid.IdentifySettings(preset="paper", cutoff_hz=100.0)
     with pytest.raises(InputError, match="too high for the record's rate"):

@@ -426,8 +426,10 @@ def _names(
             if misfit is None and not above[k].lstrip().startswith(COMMENT) and len(cells) > 1:
                 misfit = tuple(cells)
             continue
-        if k > 0 and len(table[k - 1]) == width and len({*cells}) < sum(map(bool, cells)):
-            cells = _grouped(table[k - 1], cells)
+        # A line of groups may end with the last one's first column.
+        groups = table[k - 1] if k > 0 else []
+        if 1 < len(groups) <= width and len({*cells}) < sum(map(bool, cells)):
+            cells = _grouped([*groups, *[""] * (width - len(groups))], cells)
         pairs = zip(cells, units, strict=True)
         return tuple(f"{name} [{unit}]" if unit else name for name, unit in pairs)
     return misfit

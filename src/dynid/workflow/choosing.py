@@ -3,6 +3,7 @@
 `--preset best` lets the recordings choose how they are processed and modelled.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -52,6 +53,13 @@ def _estimator(
     weight = 0.0 if choice is None else choice.near_weights[-1]
     gain = None if choice is None else identification.PRIOR_GAIN
     word = settings.estimator or ("ols" if choice is None else "wls")
+    if settings.weighting != "joint" and word != "wls":
+        raise InputError(
+            "only weighted least squares shares variances between joints",
+            where="--weighting",
+            value=settings.weighting,
+            next_step="Add --estimator wls.",
+        )
     if word == "sdp" and weight >= REGIONS_FROM:
         return identification.PhysicallyConsistent(prior_gain=gain, by_regions=True)
     if word != "wls":
@@ -248,12 +256,23 @@ def prepare(
     )
 
 
-def require_cutoff(rate_hz: float, cutoff_hz: float | None) -> None:
-    """Refuse a cut-off [Hz] that a rate cannot carry; nothing replaces it.
+LEAST_PERIODS = 3.0
+"""Of the cut-off within a recording: below, the filter leaves no motion to identify from."""
+
+
+def require_cutoff(rate_hz: float, cutoff_hz: float | None, seconds: float = math.inf) -> None:
+    """Refuse a cut-off [Hz] that a rate or a duration cannot carry; nothing replaces it.
 
     Raises:
-        InputError: It is too high.
+        InputError: It is too high, or too low.
     """
+    if cutoff_hz is not None and cutoff_hz * seconds < LEAST_PERIODS:
+        raise InputError(
+            "the cut-off is too low for the record's duration: the filter leaves no motion",
+            where="--cutoff",
+            value=f"{cutoff_hz:g} Hz",
+            limit=f"from {LEAST_PERIODS / seconds:.2g} Hz",
+        )
     highest = NYQUIST_SHARE * rate_hz / 2
     if cutoff_hz is not None and cutoff_hz > highest * (1 + 1e-6):
         raise InputError(

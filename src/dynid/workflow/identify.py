@@ -274,7 +274,8 @@ def fit_records(
     progress: Progress | None = None,
 ) -> Looked:
     """Choose, process and fit recordings that are held in memory."""
-    require_cutoff(min(record.rate_hz for record in records), settings.cutoff_hz)
+    rate = min(record.rate_hz for record in records)
+    require_cutoff(rate, settings.cutoff_hz, min(_seconds(record, settings) for record in records))
     for record in records:
         require_torques([record], robot)
     processing, made = asked_processing(records, settings), made_from(records, settings)
@@ -283,6 +284,12 @@ def fit_records(
     return Looked(
         estimate=estimate, training=training, records=tuple(records), window=estimate.settings
     )
+
+
+def _seconds(record: recording.ExperimentRecord, settings: IdentifySettings) -> float:
+    """Length of a recording's window [s]."""
+    stop = record.duration_s if settings.stop_s is None else settings.stop_s
+    return max(min(stop, record.duration_s) - (settings.start_s or 0.0), 1e-3)
 
 
 def gains_nothing(estimate: Estimate) -> tuple[Finding, ...]:

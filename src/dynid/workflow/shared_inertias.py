@@ -20,7 +20,7 @@ from dynid.robot import RobotLike, RobotModel, frame_map, from_body, load_robot
 from dynid.settings import IdentifySettings
 from dynid.signals import ProcessingSettings, Samples, process
 from dynid.validation import record_findings
-from dynid.workflow.choosing import asked_processing, choose, made_from
+from dynid.workflow.choosing import asked_processing, choose, made_from, require_cutoff
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -196,6 +196,7 @@ def _problem(
     settings = ProcessingSettings(cutoff_hz=cutoff_hz, decimate=True)
     problems: list[identification.IdentificationProblem] = []
     for record in (*without, *carrying):
+        require_cutoff(record.rate_hz, cutoff_hz, record.duration_s)
         samples = process(record, model.robot, settings)
         # One filter for all: what it takes from the motion then cancels too.
         settings = replace(settings, cutoff_hz=samples.cutoff_hz)
