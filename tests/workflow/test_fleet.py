@@ -144,6 +144,14 @@ def test_an_arm_on_the_ceiling_is_identified_as_it_was_mounted(tmp_path: Path) -
         dynid.fleet(tmp_path / "all", tmp_path / "out")
 
 
+def test_a_reference_beyond_the_recordings_is_told(data: Path, found: dynid.Fleet) -> None:
+    del found
+    for degrees, told in ((29.0, False), (90.0, True)):
+        settings = dynid.FleetSettings(reference_degC=degrees)
+        again = dynid.fleet(data / "recordings", data / "out", settings=settings)
+        assert ("extrapolated" in {one.kind for one in again.findings}) == told
+
+
 def test_second_run_computes_new_recordings_only(data: Path, found: dynid.Fleet) -> None:
     assert found.computed == 2 * DAYS
     write(

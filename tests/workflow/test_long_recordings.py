@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import dynid
-from dynid.core import InputError, RecordError, Workers
+from dynid.core import InputError, JobError, RecordError, Workers
 from dynid.identification import IdentificationProblem, PanelRows, PassPlan, RowSums, sum_rows
 from dynid.identification.problem import joint_factors
 from dynid.recording import ExperimentRecord, open_stored
@@ -129,6 +129,19 @@ def test_several_recordings_and_a_window(tmp_path: Path, monkeypatch: pytest.Mon
     assert np.linalg.norm(found.values / held.values - 1) < 1e-7
 
 
+def test_a_disk_without_room_for_the_pass_does_not_end_it(
+    stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise JobError("the file cannot be written")
+
+    monkeypatch.setattr(long_module, "SAVE_S", 0.0)
+    monkeypatch.setattr(long_module, "write_arrays", full)
+    partial = tmp_path / "e.json.partial"
+    assert fit_long([open_stored(stored, UR5)], UR5, PAPER, partial=partial).estimate.samples
+    assert not partial.exists()
+
+
 def test_an_interrupted_pass_goes_on(
     stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -152,7 +165,11 @@ def test_an_interrupted_pass_goes_on(
         fit_long([source], UR5, PAPER, partial=keep, progress=tell)
     first = len(done)
     assert keep.is_file()
-    again = fit_long([source], UR5, PAPER, partial=keep).estimate
+    said: list[str] = []
+    again = fit_long(
+        [source], UR5, PAPER, partial=keep, progress=lambda what, _: said.append(what)
+    ).estimate
+    assert "summing the rows that an interrupted pass left" in said
     assert len(done) - first < first
     np.testing.assert_array_equal(again.values, whole.values)
     np.testing.assert_array_equal(again.covariance, whole.covariance)

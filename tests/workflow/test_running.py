@@ -224,6 +224,8 @@ def test_a_full_disk_keeps_what_fitted(
     message = capsys.readouterr().err
     assert "No space left on device" in message
     assert len(message.strip().splitlines()) == 1
+    # The recording is there, its draft is not.
+    assert ".partial -o" not in message
     record = read_record(path)
     assert 100 < record.samples <= room / (8 * 50)
     assert f"{record.samples} samples are kept in {path}" in message

@@ -30,6 +30,8 @@ class Abort:
     `deviation`, `connection`, `recording`, `interrupted`, `start`."""
     message: str
     """What happened, in words, with its numbers."""
+    next_step: str | None = None
+    """What to do where no recording is kept."""
 
 
 INTERRUPTED = Abort("interrupted", "it was interrupted")

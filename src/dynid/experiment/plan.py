@@ -288,6 +288,6 @@ def run(
         # Before the motion it is an error; after it, the end of the recording was refused.
         if outcome is None:
             raise
-        refused = Abort("recording", error.line)
+        refused = Abort("recording", error.changed(next_step=None).line, error.next_step)
         outcome = replace(outcome, abort=outcome.abort or refused)
     return RunResult(outcome=outcome, stopped_in=None if outcome.abort is None else "run")

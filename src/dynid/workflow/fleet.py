@@ -169,7 +169,10 @@ def fleet(
         skipped=tuple(skipped),
         joints=judged,
         tests=tests,
-        findings=(*_missing(recordings), *(_alarm(joint) for joint in judged if joint.alarm)),
+        findings=(
+            *_missing(recordings, asked.reference_degC),
+            *(_alarm(joint) for joint in judged if joint.alarm),
+        ),
     )
     _write_table(target / TABLE, rows)
     _write_state(target, joints=judged, recordings=len(recordings))
@@ -213,7 +216,7 @@ def _of_one_type(
     return kept, left
 
 
-def _missing(recordings: Sequence[FleetRecording]) -> list[Finding]:
+def _missing(recordings: Sequence[FleetRecording], reference_degC: float | None) -> list[Finding]:
     """What the recordings do not say, and how to say it."""
     unnamed = [one.path for one in recordings if not one.robot]
     undated = [one.path for one in recordings if np.isnan(one.time_s)]
@@ -232,6 +235,15 @@ def _missing(recordings: Sequence[FleetRecording]) -> list[Finding]:
         )
         if names
     ]
+    temperatures = np.concatenate([one.temperature_degC for one in recordings])
+    if reference_degC is not None and not np.isnan(temperatures).all():
+        low, high = np.nanmin(temperatures), np.nanmax(temperatures)
+        if not low <= reference_degC <= high:
+            text = (
+                f"the reference of {reference_degC:g} degC is beyond the joint temperatures of all "
+                f"recordings, {low:.3g} to {high:.3g} degC: friction there is extrapolated"
+            )
+            found.append(Finding("extrapolated", text, next_step="Leave --reference out."))
     dated = [one for one in recordings if not np.isnan(one.time_s)]
     known = {name: len(group) for name, group in _by_robot(dated).items()}
     least = identification.LEAST_RECORDINGS

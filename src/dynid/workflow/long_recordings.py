@@ -4,13 +4,23 @@ import hashlib
 import json
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from dynid import identification
-from dynid.core import InputError, Progress, Workers, each, read_arrays, silent, write_arrays
+from dynid.core import (
+    DynidError,
+    InputError,
+    Progress,
+    Workers,
+    each,
+    read_arrays,
+    silent,
+    write_arrays,
+)
 from dynid.recording import AnyRecording, ExperimentRecord, checked_records, fingerprint
 from dynid.robot import RobotModel
 from dynid.settings import IdentifySettings
@@ -224,15 +234,18 @@ def _run_pass(
     waiting: dict[int, identification.RowSums] = {}
     saved = time.monotonic()
     offset, todo = done, parts[done:]
+    words = "summing all rows" if done == 0 else "summing the rows that an interrupted pass left"
     for number, found in each(_sum_part, todo, beside):
         # In their order, whoever was first: the same result to the last bit.
         waiting[offset + number] = found
         while done in waiting:
             sums.add(waiting.pop(done))
             done += 1
-        tell("summing all rows", done / len(parts))
+        tell(words, done / len(parts))
         if partial is not None and time.monotonic() - saved > SAVE_S:
-            write_arrays(partial, {"key": key, "done": done, **sums.arrays()})
+            # A disk without room for it costs an interrupted pass, not this one.
+            with suppress(DynidError):
+                write_arrays(partial, {"key": key, "done": done, **sums.arrays()})
             saved = time.monotonic()
     if partial is not None:
         partial.unlink(missing_ok=True)

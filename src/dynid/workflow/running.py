@@ -187,9 +187,10 @@ class Run:
         abort = self.abort
         if abort is None:
             return
-        kept, step = "nothing is kept", None
+        kept, step = "nothing is kept", abort.next_step
         if self.record is not None:
             kept = f"{self.result.outcome.samples} samples are kept in {self.record}"
+            step = None
             if self.record.suffix != ".parquet":
                 step = f"Read it: dynid import {shlex.quote(str(self.record))} -o OTHER.parquet"
         where = f"the robot was stopped in the pass '{self.result.stopped_in}'"
