@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import dynid
+from dynid.cli.options import Interrupted, exit_code_of, kept_in
 from dynid.core import InputError, JobError, RecordError, Workers
 from dynid.identification import IdentificationProblem, PanelRows, PassPlan, RowSums, sum_rows
 from dynid.identification.problem import joint_factors
@@ -316,3 +317,18 @@ def test_row_groups_let_parts_be_read(tmp_path: Path) -> None:
         part = source.part(first, last, ("effort",))
         np.testing.assert_array_equal(part.t, record.t[first:last])
         np.testing.assert_array_equal(part.signals["effort"], -q[first:last])
+
+
+def test_ctrl_c_says_where_a_pass_goes_on_from(tmp_path: Path) -> None:
+    kept = tmp_path / "e.json.partial"
+
+    def job() -> int:
+        with kept_in(kept):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        job()
+    kept.touch()
+    with pytest.raises(Interrupted, match=r"goes on from .*e\.json\.partial"):
+        job()
+    assert exit_code_of(job) == 130

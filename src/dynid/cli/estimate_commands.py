@@ -231,7 +231,8 @@ def identify_command(
     if output is not None:
         inputs = [*records, *([] if validation is None else [validation])]
         show.check_output(output, inputs=map(Path, inputs), suffix=".json", force=force)
-    with show.progress_bar("identify") as progress:
+    kept = Path(f"{output}.partial")
+    with show.progress_bar("identify") as progress, ask.kept_in(kept):
         result = identify_files(
             records,
             output,

@@ -9,7 +9,8 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -197,6 +198,18 @@ class Interrupted(DynidError):
     """Ctrl-C ended a job that keeps what it has."""
 
     exit_code = INTERRUPTED
+
+
+@contextmanager
+def kept_in(path: Path) -> Generator[None]:
+    """Say after Ctrl-C where a job goes on from, if it has kept anything."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if not path.is_file():
+            raise
+        words = f"interrupted; the same command goes on from {path}"
+        raise Interrupted(words) from None
 
 
 def exit_code_of(job: Callable[[], int]) -> int:

@@ -28,7 +28,10 @@ def repair_stamps(table: RawTable) -> RawTable:
         raise UnclearRecordError(
             "time does not increase",
             value=f"{len(forward)} of {len(steps)} steps are positive",
-            next_step=f"Check which column is the time. {by_rows(table.columns)}",
+            # No two alike: rows in another order, not a clock that stood.
+            next_step="Sort the rows by their time."
+            if len(np.unique(t)) == len(t)
+            else f"Check which column is the time. {by_rows(table.columns)}",
         )
     nominal = float(np.median(forward))
     wrong = _single_outliers(t, nominal)
