@@ -49,7 +49,7 @@ def write_workbook(path: Path, *sheets: list[list[object]]) -> Path:
         if isinstance(value, datetime):
             days = (value - datetime(1899, 12, 30)) / timedelta(days=1)
             return f'<c r="{place}" s="1"><v>{days!r}</v></c>'
-        if isinstance(value, str) and value.startswith("#"):
+        if isinstance(value, str) and value == "#DIV/0!":
             return f'<c r="{place}" t="e"><v>{value}</v></c>'
         if isinstance(value, str):
             texts.append(value)
@@ -257,6 +257,10 @@ def test_workbooks(tmp_path: Path) -> None:
     record = read_recording(write_workbook(tmp_path / "x.xlsx", rows, notes))
     assert record.problems == ()
     assert_true(record, "current")
+    # An error is no value; a name may begin as one.
+    rows[2] = [f"#{name}" for name in HEADER]
+    assert read_recording(write_workbook(tmp_path / "x.xlsx", rows)).samples == 400
+    rows[2] = list(HEADER)
     rows[103][3], rows[203][14] = None, "#DIV/0!"
     record = read_recording(write_workbook(tmp_path / "x.xlsx", rows))
     assert record.samples == 398

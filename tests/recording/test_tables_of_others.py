@@ -88,6 +88,23 @@ def test_an_archive_of_several_files_says_what_to_do(tmp_path: Path) -> None:
         read_recording(tmp_path / "x.zip")
 
 
+def test_archives_of_macos_and_with_a_password(tmp_path: Path) -> None:
+    path = tmp_path / "x.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.write(write_rtde_csv(MOTION, tmp_path / "run.csv"), "run.csv")
+        archive.writestr("__MACOSX/._run.csv", "notes")
+    assert read_recording(path).samples == MOTION.samples
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("a.csv", "1")
+    data = bytearray(path.read_bytes())
+    # The flags, in the member's own header and in the directory.
+    for start, at in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
+        data[data.index(start) + at] |= 1
+    path.write_bytes(data)
+    with pytest.raises(RecordError, match=r"has a password.*unzip x\.zip"):
+        read_recording(path)
+
+
 def test_nothing_is_left_of_what_was_unpacked(tmp_path: Path, monkeypatch) -> None:
     folder = tmp_path / "temporary"
     folder.mkdir()

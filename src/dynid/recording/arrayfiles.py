@@ -7,6 +7,7 @@ reading process of its own, which the caller sees as one error.
 
 import importlib
 import json
+import re
 import struct
 import warnings
 import zipfile
@@ -151,8 +152,9 @@ def _cell(value: Any) -> str:
         return f"{value}T00:00:00"
     if isinstance(value, timedelta):
         return repr(value.total_seconds())
-    # `#DIV/0!` is no value.
-    return "" if str(value).startswith("#") else " ".join(str(value).split())
+    text = " ".join(str(value).split())
+    # `#DIV/0!` is no value; `#t` is a name.
+    return "" if re.fullmatch(r"#[A-Z/0_]+[!?]|#N/A|#GETTING_DATA", text) else text
 
 
 _MAX_VARIABLES, _MAX_ELEMENTS, _MAX_DEPTH = 5000, 200, 12

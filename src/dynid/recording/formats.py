@@ -94,18 +94,32 @@ def _unpack(file: Path, kind: str, target: Path, room: int) -> None:
             raise RecordError("the compressed file is empty")
 
 
+_ENCRYPTED = 1
+"""Flag of a member of a zip archive."""
+
+
 def _opened(file: Path, kind: str) -> IO[bytes] | gzip.GzipFile:
     if kind == "zstd":
         return zstd_module().open(file, "rb")
     if kind != "zip":
         return {"gzip": gzip.open, "bzip2": bz2.open, "xz": lzma.open}[kind](file)
     archive = zipfile.ZipFile(file)
-    members = [item for item in archive.infolist() if not item.is_dir()]
+    # macOS adds a folder of its own notes on each file.
+    mac = "__MACOSX/"
+    members = [
+        item for item in archive.infolist() if not item.is_dir() and mac not in item.filename
+    ]
     if len(members) != 1:
         raise RecordError(
             "the zip archive holds several files",
             where=file.name,
             value=[item.filename for item in members][:10],
+            next_step=f"Unpack it first: unzip {file.name}",
+        )
+    if members[0].flag_bits & _ENCRYPTED:
+        raise RecordError(
+            "the zip archive has a password",
+            where=file.name,
             next_step=f"Unpack it first: unzip {file.name}",
         )
     return archive.open(members[0])
