@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import dynid
-from dynid.core import InputError
+from dynid.core import InputError, JobError
 from dynid.recording import ExperimentRecord, open_record, read_record, write_record
 from dynid.robot import load_robot
 from dynid.workflow import IdentifySettings, fit
@@ -70,6 +70,23 @@ def test_a_folder_that_holds_results_is_left_alone(log: Path, tmp_path: Path) ->
     with pytest.raises(InputError, match="nothing is replaced"):
         fit("ur5", log, tmp_path, settings=PAPER)
     assert (tmp_path / "estimate.json").read_text() == "{}"
+
+
+@pytest.mark.usefixtures("undiagnosed_once")
+def test_what_did_not_end_is_replaced(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise JobError("the file cannot be written")
+
+    monkeypatch.setattr("dynid.workflow.files.report", full)
+    with pytest.raises(JobError):
+        fit("ur5", log, tmp_path, settings=PAPER)
+    monkeypatch.undo()
+    assert fit("ur5", log, tmp_path, settings=PAPER).report.is_file()
+    assert not (tmp_path / "unfinished.txt").exists()
+    with pytest.raises(InputError, match="nothing is replaced"):
+        fit("ur5", log, tmp_path, settings=PAPER)
 
 
 @pytest.mark.usefixtures("undiagnosed_once")

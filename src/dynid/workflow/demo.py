@@ -31,6 +31,7 @@ from dynid.simulation import SERIAL, simulated_arm
 from dynid.validation import ParameterComparison, ValidationResult, compare
 from dynid.workflow.analyze import Analysis, analyze
 from dynid.workflow.designing import design
+from dynid.workflow.files import UNFINISHED
 from dynid.workflow.identify import Identification, identify
 from dynid.workflow.reporting import report
 from dynid.workflow.running import run_design, truth_path, write_truth
@@ -121,10 +122,6 @@ RECORDED = ("identification", "validation")
 THERMAL = ("cold", "warm")
 STARTS = 2
 """Starts of the search for a motion; more would find a slightly better one."""
-
-
-UNFINISHED = "unfinished.txt"
-"""Stands in the folder of a demo until it has ended."""
 Records = dict[tuple[str, str], ExperimentRecord]
 """By thermal state and what they are recorded for."""
 

@@ -16,6 +16,7 @@ from dynid.core import (
     provenance,
     silent,
     workers,
+    write_text,
 )
 from dynid.export import ExportedFile, write_model
 from dynid.identification import Estimate, open_estimate, write_estimate
@@ -186,6 +187,8 @@ def _refitted(
 
 ESTIMATE = "estimate.json"
 REPORT = "report.html"
+UNFINISHED = "unfinished.txt"
+"""Stands in the folder of a fit or a demo until it has ended."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -278,6 +281,10 @@ def fit(
         validation=other,
         progress=lambda what, share: tell(what, 0.1 + 0.6 * share),
     )
+    unfinished = folder / UNFINISHED
+    write_text(
+        unfinished, "The fit that wrote these files has not ended: the next replaces them.\n"
+    )
     for record, path in zip(records, paths, strict=True):
         write_record(of_robot(record, robot), path)
     write_estimate(result.estimate, folder / ESTIMATE)
@@ -292,6 +299,7 @@ def fit(
     page, _ = report(
         folder, folder / REPORT, progress=lambda what, share: tell(what, 0.85 + 0.15 * share)
     )
+    unfinished.unlink(missing_ok=True)
     return LogFit(
         identification=result,
         verdict=verdict(result),
@@ -307,7 +315,10 @@ def fit(
 def _folder(output: str | Path) -> Path:
     folder = make_folder(output)
     taken = [name for name in (ESTIMATE, REPORT, *MODELS.values()) if (folder / name).exists()]
-    if taken:
+    if (folder / UNFINISHED).exists():
+        for name in taken:
+            (folder / name).unlink()
+    elif taken:
         raise InputError(
             "the folder already holds results, and nothing is replaced",
             where="-o",
