@@ -143,7 +143,9 @@ def test_without_its_scheduler_all_runs_here() -> None:
     assert found == {k: k * k for k in ITEMS}
 
 
-@pytest.mark.parametrize("address", ["nonsense", "12345", "", "http://127.0.0.1:8786", "/tmp/x"])
+@pytest.mark.parametrize(
+    "address", ["nonsense", "12345", "", "http://127.0.0.1:8786", "/tmp/x", "h:\N{SUPERSCRIPT TWO}"]
+)
 def test_an_address_without_a_port_is_refused_at_once(address: str) -> None:
     with pytest.raises(InputError, match="HOST:PORT"), workers(1, address):
         pass

@@ -11,6 +11,7 @@ import pytest
 from pinocchio_arm import NOISE, Wrong, arm, recording
 
 from dynid import identify
+from dynid.core import Finding
 from dynid.identification import Estimate
 from dynid.validation import CAUSES, refit_friction, samples_of, validate
 from dynid.workflow import IdentifySettings
@@ -114,6 +115,17 @@ def test_a_refitted_estimate_says_so(estimate: Estimate, tmp_path: Path) -> None
     assert "same_record" in {one.kind for one in told}
     assert any("refitted to" in one for one in read_estimate(paths[2]).choices)
     assert "same_record" in {one.kind for one in validate_files(paths[2], paths[1]).warnings}
+    # Of a part, that part.
+    validate_files(*paths[:2], refit="friction", start_s=2.0, stop_s=7.0, output=paths[2])
+    assert "2 s to 7 s" in read_estimate(paths[2]).choices[-1]
+    for start, stop, seen in ((2.0, 7.0, True), (7.5, None, False)):
+        after = validate_files(paths[2], paths[1], start_s=start, stop_s=stop).warnings
+        assert ("same_record" in {one.kind for one in after}) == seen
+    # What was found when it was identified is no finding of the refit.
+    doubted = replace(estimate, warnings=(Finding("low_excitation", "as it was identified"),))
+    write_estimate(doubted, paths[0])
+    told = validate_files(*paths[:2], refit="friction").warnings
+    assert "low_excitation" not in {one.kind for one in told}
 
 
 def test_unknown_parts_are_refused(tmp_path: Path) -> None:

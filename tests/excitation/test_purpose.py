@@ -71,6 +71,15 @@ def test_the_unit_of_a_slide_changes_nothing() -> None:
     found, same = (expected(gram, each, NOISE) for each in (purpose, other))
     assert same.torque_error_percent == pytest.approx(found.torque_error_percent, rel=1e-9)
     assert same.bound_percent == pytest.approx(found.bound_percent, rel=1e-9)
+    # Joints that the purpose neither moves nor loads have no share.
+    still = replace(
+        purpose,
+        moments=purpose.moments * np.array([1.0, 1.0, 0.0])[:, None, None],
+        torque=purpose.torque * np.array([1.0, 1.0, 0.0]),
+    )
+    assert expected(gram, still, NOISE).torque_error_percent <= found.torque_error_percent
+    nothing = replace(still, torque=0 * still.torque)
+    assert np.isnan(expected(gram, nothing, NOISE).torque_error_percent)
     # The kind that errs more, never less than both together.
     whole = expected(gram, replace(purpose, prismatic=(False,) * 3), NOISE)
     assert found.torque_error_percent > whole.torque_error_percent

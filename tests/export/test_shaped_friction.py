@@ -320,6 +320,13 @@ def test_a_wide_step_is_not_taken_for_a_sign(tmp_path: Path) -> None:
     )
     assert (ours < as_identified).all()
     assert done.left_out_rms == pytest.approx(np.sqrt(ours), rel=0.1)
+    assert done.left_out == ("the width of the Coulomb step",)
+    # A joint that stood shows no shape: it keeps what was identified, and so do all others.
+    slow = replace(estimate.motion, speed=np.where(np.arange(6) == 2, 2e-4, 100.0))
+    done = write_model(replace(estimate, motion=slow), tmp_path / "slow.xml", "mjcf")
+    assert done.friction is not None
+    assert not done.friction.stands_in
+    np.testing.assert_array_equal(done.friction.coulomb, parameters[60:66])
 
 
 def test_what_a_urdf_leaves_out_is_told_in_size(tmp_path: Path) -> None:

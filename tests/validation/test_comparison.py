@@ -100,6 +100,13 @@ def test_other_motions_are_told_and_repetitions_are_not() -> None:
     span = np.ptp(np.stack([base.motion.lower, base.motion.upper]), axis=0)
     again = replace(base.motion, upper=base.motion.upper + 0.05 * span)
     assert compare(base, replace(base, motion=again)).warnings == ()
+    # Where a joint stands, its range is noise.
+    stands = base.motion.upper - 1e-4 * (np.arange(6) == 4)
+    one, two = (
+        replace(base, motion=replace(base.motion, lower=np.where(np.arange(6) == 4, at, low)))
+        for at, low in ((stands, base.motion.lower), (stands - 0.003, base.motion.lower))
+    )
+    assert compare(one, two).warnings == ()
     other = replace(base.motion, lower=base.motion.lower + 0.5 * span * (np.arange(6) == 2))
     (told,) = compare(base, replace(base, motion=other)).warnings
     assert (told.kind, told.severity, told.joints) == ("other_motion", "warning", (2,))
@@ -113,6 +120,12 @@ def test_one_recording_and_other_shapes_are_told() -> None:
     assert compare(first, second).warnings == ()
     (told,) = compare(first, replace(second, settings=base.settings)).warnings
     assert told.kind == "same_record"
+    for same in (
+        replace(base.model.friction, width=tuple([base.model.friction.width] * 6)),
+        replace(base.model.friction, stribeck_velocity=0.3),
+        replace(base.model.friction, presliding=(0.0,) * 6),
+    ):
+        assert compare(base, replace(base, model=replace(base.model, friction=same))).warnings == ()
     wide = replace(base.model.friction, width=0.05)
     (told,) = compare(base, replace(base, model=replace(base.model, friction=wide))).warnings
     assert told.kind == "other_shape"

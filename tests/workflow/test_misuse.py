@@ -138,6 +138,9 @@ def test_a_cutoff_that_leaves_no_motion_is_refused(record: ExperimentRecord, pre
     low = 1.0 / record.duration_s
     with pytest.raises(InputError, match="too low for the record's duration"):
         dynid.identify(record, "ur5", dynid.IdentifySettings(preset=preset, cutoff_hz=low))
+    beyond = dynid.IdentifySettings(preset=preset, cutoff_hz=10.0, start_s=record.duration_s + 9)
+    with pytest.raises(InputError, match="window"):
+        dynid.identify(record, "ur5", beyond)
     signals = {name: x if name in ("q", "qd") else 1.01 * x for name, x in record.signals.items()}
     loaded = replace(record, signals=signals)
     for cutoff_hz, words in ((low, "too low"), (100.0, "too high")):

@@ -231,7 +231,7 @@ def identify_command(
     if output is not None:
         inputs = [*records, *([] if validation is None else [validation])]
         show.check_output(output, inputs=map(Path, inputs), suffix=".json", force=force)
-    kept = Path(f"{output}.partial")
+    kept = None if output is None else Path(f"{output}.partial")
     with show.progress_bar("identify") as progress, ask.kept_in(kept):
         result = identify_files(
             records,

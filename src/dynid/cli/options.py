@@ -201,12 +201,12 @@ class Interrupted(DynidError):
 
 
 @contextmanager
-def kept_in(path: Path) -> Generator[None]:
+def kept_in(path: Path | None) -> Generator[None]:
     """Say after Ctrl-C where a job goes on from, if it has kept anything."""
     try:
         yield
     except KeyboardInterrupt:
-        if not path.is_file():
+        if path is None or not path.is_file():
             raise
         words = f"interrupted; the same command goes on from {path}"
         raise Interrupted(words) from None

@@ -306,13 +306,17 @@ def _dask_workers(address: str) -> Generator[Workers]:
 def _require_port(address: str, scheme: str, place: str) -> None:
     """Whether somebody listens: a client that finds nobody prints a traceback when it ends."""
     host, _, port = place.partition("/")[0].rpartition(":")
-    if scheme not in ("", "tcp", "tls", "ws", "wss", "ucx") or not host or not port.isdigit():
+    if (
+        scheme not in ("", "tcp", "tls", "ws", "wss", "ucx", "ucxx")
+        or not host
+        or not port.isdecimal()
+    ):
         raise InputError(
             "no address of a Dask scheduler", where="--dask", value=address, limit="HOST:PORT"
         )
     try:
         socket.create_connection((host.strip("[]"), int(port)), DASK_TIMEOUT_S).close()
-    except (OSError, OverflowError) as error:
+    except (OSError, OverflowError, ValueError) as error:
         raise InputError(
             f"no Dask scheduler answers: {error}", where="--dask", value=address
         ) from error

@@ -32,6 +32,7 @@ MOTIONS = 24
 ANYWHERE = "safe random motions of the whole workspace"
 RATE_HZ = 25.0
 """At which they are sampled."""
+_NO_ERROR = 1e-300
 CONFIDENCE = 1.645
 """Of the upper bound of the error, one-sided 95 %, as a normal quantile."""
 
@@ -185,13 +186,18 @@ def expected(
         variances = np.einsum("ij,kij->k", covariance, purpose.moments)
         told: list[tuple[float, float]] = []
         for joints in joints_by_kind(purpose.prismatic).values():
+            if not purpose.torque[joints].any():
+                # No motion of the purpose moves or loads them.
+                continue
             share = math.sqrt(variances[joints].sum() / np.square(purpose.torque[joints]).sum())
             # The squared error is a sum of chi-squares: as many as share it (Satterthwaite), whose
             # quantile is Wilson and Hilferty's.
             image = covariance @ purpose.moments[joints].sum(axis=0)
-            spread = 2 / 9 * float((image * image.T).sum()) / float(np.trace(image)) ** 2
+            sizes = float((image * image.T).sum()), max(float(np.trace(image)), _NO_ERROR)
+            spread = 2 / 9 * sizes[0] / sizes[1] ** 2
             most = (1 - spread + CONFIDENCE * math.sqrt(spread)) ** 1.5
             told.append((100 * share, 100 * share * most))
+        told = told or [(math.nan, math.nan)]
         percent, bound = (float(max(each)) for each in zip(*told, strict=True))
     return Expected(
         noise=noise,

@@ -150,6 +150,8 @@ _ALONE = ("Fc", "Fv", "Fo", "Im", "Imm")
 
 _STEEP = 0.01
 """Share of the top speed within which a Coulomb step may as well be a sign."""
+_MOVES = 0.5
+"""Share of the width of its Coulomb step that a joint has to pass to show the shape."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,6 +166,8 @@ class NearestFriction:
     """(n) RMS of the friction that they leave, over the recorded range [N.m or N]."""
     stands_in: bool
     """Whether they are others than those identified."""
+    wide_step: bool = False
+    """Whether that is for the width of the Coulomb step alone."""
 
     def put_into(self, model: ExportModel) -> ExportModel:
         """The model with this Coulomb and viscous friction."""
@@ -184,8 +188,11 @@ def nearest_friction(
     """
     n, terms = model.joints, model.terms
     offset = terms["Fo"]
-    steep = (model.width <= _STEEP * estimate.motion.speed).all()
-    if steep and not any(values.any() for symbol, values in terms.items() if symbol not in _ALONE):
+    # A joint that stood shows no step, however wide.
+    speed = estimate.motion.speed
+    wide = (terms["Fc"] != 0) & (model.width > _STEEP * speed) & (_MOVES * model.width < speed)
+    others = any(values.any() for symbol, values in terms.items() if symbol not in _ALONE)
+    if not others and not wide.any():
         return NearestFriction(
             coulomb=terms["Fc"], viscous=terms["Fv"], missing=np.abs(offset), stands_in=False
         )
@@ -195,10 +202,15 @@ def nearest_friction(
     both, missing = np.zeros((2, n)), np.zeros(n)
     for j in range(n):
         columns = np.column_stack([np.sign(dq[:, j]), dq[:, j]])
+        if not others and not wide[j]:
+            both[:, j], missing[j] = (terms["Fc"][j], terms["Fv"][j]), abs(offset[j])
+            continue
         both[:, j] = scipy_part("optimize").nnls(columns, wanted[:, j])[0]
         left = wanted[:, j] - columns @ both[:, j]
         missing[j] = np.hypot(np.sqrt(np.mean(np.square(left))), offset[j])
-    return NearestFriction(coulomb=both[0], viscous=both[1], missing=missing, stands_in=True)
+    return NearestFriction(
+        coulomb=both[0], viscous=both[1], missing=missing, stands_in=True, wide_step=not others
+    )
 
 
 def recorded_range(estimate: Estimate) -> tuple[Array, Array, Array]:

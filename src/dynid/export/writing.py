@@ -327,6 +327,8 @@ def write_model(
                 limit=verified.tolerance,
             )
     missing = () if kind.held is None else left_out(model, kind.held)
+    if friction is not None and friction.wide_step:
+        missing = (*missing, "the width of the Coulomb step")
     gap = _gap(estimate, completed, kind.held, friction)
     return ExportedFile(
         path=path,

@@ -23,13 +23,15 @@ from dynid.report.figures import (
     singular_figure,
 )
 from dynid.report.screens import LEVEL_WORDS
-from dynid.validation import ValidationResult, errors_by_kind, uncertainty_over_poses
+from dynid.validation import (
+    OF_COMPARISON,
+    ValidationResult,
+    errors_by_kind,
+    uncertainty_over_poses,
+)
 
 SAMPLES = 1000
 QUANTITIES = (("position", "rad"), ("velocity", "rad/s"), ("acceleration", "rad/s^2"))
-
-_MISLEAD = ("other_motion", "same_record", "other_shape")
-"""Findings of a comparison that the page tells in words."""
 
 
 def design_figures(item: ReportedDesign) -> tuple[draw.Figure, ...]:
@@ -167,7 +169,7 @@ def chapters(contents: ReportContents) -> Iterator[Chapter]:
         yield _others(contents)
     for first, second, compared in contents.comparisons:
         changes = changes_figure(first, second, compared)
-        own = [told for told in compared.warnings if told.kind in _MISLEAD]
+        own = [told for told in compared.warnings if told.kind in OF_COMPARISON]
         rows = [
             (
                 group.name,

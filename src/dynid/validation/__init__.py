@@ -1,6 +1,8 @@
 """How well a model predicts another record."""
 
 from dynid.validation.comparison import CAUSES as CAUSES
+from dynid.validation.comparison import OF_COMPARISON as OF_COMPARISON
+from dynid.validation.comparison import REFIT as REFIT
 from dynid.validation.comparison import ParameterComparison as ParameterComparison
 from dynid.validation.comparison import compare as compare
 from dynid.validation.comparison import refit_friction as refit_friction

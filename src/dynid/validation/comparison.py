@@ -20,13 +20,17 @@ from dynid.identification import (
     open_estimate,
     recorded_rows,
 )
-from dynid.regressor import FrictionTerms
+from dynid.regressor import FrictionTerms, InverseDynamicModel
 from dynid.robot import RobotModel
 from dynid.signals import Samples
 
+OF_COMPARISON = ("other_motion", "other_shape", "same_record")
+"""Findings that a comparison tells of itself; in an estimate they are of its validation."""
 CAUSES = ("offset", "gravity", "friction", "inertia")
 CORRELATION_S = 0.2
 """Residuals this long are taken as one when a deviation is given."""
+_SLOWEST = 0.005
+"""Speed below which a joint rests, however slow it was when it was identified [rad/s or m/s]."""
 _UNSEEN = 0.5
 """Of what a friction parameter may change by: one that is no surer was not seen."""
 _SMOOTH = 0.02
@@ -113,7 +117,8 @@ def refit_friction(estimate: Estimate, samples: Samples) -> Estimate:
     independent, rows = list(estimate.independent), samples.rows
     columns, torque = recorded_rows(model, samples, rows, independent, motion_state(model, samples))
     # At rest, friction is whatever holds the joint.
-    moves = _SMOOTH * estimate.motion.speed[:, None] < np.abs(samples.dq[rows]).T
+    slowest = np.maximum(_SMOOTH * estimate.motion.speed, _SLOWEST)
+    moves = slowest[:, None] < np.abs(samples.dq[rows]).T
     columns, torque = (x * moves / estimate.noise[:, None] for x in (columns, torque))
     left = torque - np.tensordot(estimate.values, columns, axes=1)
     design = columns[chosen].reshape(len(chosen), -1)
@@ -154,8 +159,13 @@ def refit_friction(estimate: Estimate, samples: Samples) -> Estimate:
 def _may_change(estimate: Estimate, chosen: list[int]) -> Array:
     """(f) by how much each friction parameter may be another on another day, SI units."""
     size = np.maximum(np.abs(estimate.values), estimate.std)
-    kinds = [name.rstrip("0123456789") for name in estimate.names]
-    largest: dict[str, float] = {}
+    slides = estimate.model.robot.prismatic
+    # Newtons are no newton metres.
+    kinds = [
+        (estimate.names[k].rstrip("0123456789"), slides[estimate.model.columns[column].joint])
+        for k, column in enumerate(estimate.independent)
+    ]
+    largest: dict[tuple[str, bool], float] = {}
     for k in chosen:
         largest[kinds[k]] = max(largest.get(kinds[k], 0.0), float(size[k]))
     return np.array([max(size[k], 0.1 * largest[kinds[k]], 1e-9) for k in chosen])
@@ -166,6 +176,8 @@ _FACTOR = re.compile(r"\d[\d.e+-]*(?=\*)")
 _SAME_FACTOR = 1e-6
 """Factors are printed with eight digits, of which rounding changes the last."""
 _SAME_GRAVITY = 1e-6
+_STANDS = 0.05
+"""Range below which a joint does not move [rad or m]."""
 _SAME_RANGE = 0.2
 """Of the range of a joint, by which the ends of one motion recorded twice may differ."""
 _SAME_GAIN = 1e-9
@@ -232,7 +244,7 @@ def comparison_warnings(a: Estimate, b: Estimate) -> tuple[Finding, ...]:
         found.append(Finding("same_record", message))
     else:
         found += _other_motion(a, b)
-    one, other = (_shapes(estimate.model.friction) for estimate in (a, b))
+    one, other = (_shapes(estimate.model) for estimate in (a, b))
     if apart := [name for name in one if one[name] != other[name]]:
         message = (
             f"the friction has other shapes ({', '.join(apart)}), which its parameters go with: "
@@ -240,7 +252,7 @@ def comparison_warnings(a: Estimate, b: Estimate) -> tuple[Finding, ...]:
         )
         found.append(Finding("other_shape", message))
     own = [{notice.kind: notice.severity for notice in one.warnings} for one in (a, b)]
-    for kind in sorted({*own[0], *own[1]}):
+    for kind in sorted({*own[0], *own[1]} - {*OF_COMPARISON}):
         names = [name for name, told in zip(("first", "second"), own, strict=True) if kind in told]
         of = "both estimates" if len(names) > 1 else f"the {names[0]} estimate"
         worst = max((told.get(kind, "info") for told in own), key=SEVERITIES.index)
@@ -248,21 +260,42 @@ def comparison_warnings(a: Estimate, b: Estimate) -> tuple[Finding, ...]:
     return tuple(found)
 
 
+REFIT = "refit"
+"""Key of an estimate's settings: the rows that its friction was refitted to."""
+
+
+def used_rows(estimate: Estimate) -> list[tuple[str, float, float]]:
+    """Recordings that an estimate was made from, by identity, each with its window [s]."""
+    made, used = estimate.provenance, estimate.settings
+    stop = np.inf if used.stop_s is None else used.stop_s
+    found = [(name, used.start_s or 0.0, stop) for name in made.inputs.values()]
+    if refit := made.settings.get(REFIT):
+        found.append((refit["record"], refit["start_s"], refit["stop_s"]))
+    return found
+
+
 def _same_rows(a: Estimate, b: Estimate) -> bool:
     """Whether both are of one recording, and of the same part of it."""
-    starts, stops = ([getattr(e.settings, name) for e in (a, b)] for name in ("start_s", "stop_s"))
-    first = max(0.0 if start is None else start for start in starts)
-    last = min(np.inf if stop is None else stop for stop in stops)
-    return first < last and bool({*a.provenance.inputs.values()} & {*b.provenance.inputs.values()})
+    return any(
+        one == other and max(start, since) < min(stop, until)
+        for one, start, stop in used_rows(a)
+        for other, since, until in used_rows(b)
+    )
 
 
-def _shapes(friction: FrictionTerms) -> dict[str, Any]:
-    """What its parameters multiply, beside the terms themselves."""
+def _shapes(model: InverseDynamicModel) -> dict[str, Any]:
+    """What the parameters of friction multiply, beside the terms themselves."""
+    friction, n = model.friction, model.robot.joints
+    steps = {column.joint for column in model.columns if column.name.startswith(("Fc", "Fs"))}
+    width = np.broadcast_to(np.asarray(friction.width, dtype=np.float64), (n,))
+    built_up = np.broadcast_to(friction.presliding or (0.0,), (n,))
+    has_peak = any(column.name.startswith("Fs") for column in model.columns)
     return {
-        "widths of the Coulomb step": np.atleast_1d(friction.width).tolist(),
-        "Stribeck velocity": friction.stribeck_velocity,
-        "presliding": np.atleast_1d(friction.presliding).tolist(),
+        "widths of the Coulomb step": [float(width[j]) for j in sorted(steps)],
+        "Stribeck velocity": friction.stribeck_velocity if has_peak else None,
+        "presliding": built_up.tolist(),
         "waves of gears": [ripple.to_json() for ripple in friction.ripples],
+        "loads of gears": None if friction.load is None else list(friction.load.parameters),
     }
 
 
@@ -273,6 +306,7 @@ def _other_motion(a: Estimate, b: Estimate) -> tuple[Finding, ...]:
     """
     ends = [np.stack([one.motion.lower, one.motion.upper]) for one in (a, b)]
     span = np.maximum(*(np.ptp(pair, axis=0) for pair in ends))
+    span = np.maximum(span, _STANDS)
     apart = np.abs(ends[0] - ends[1]).max(axis=0) > _SAME_RANGE * span
     if not apart.any():
         return ()

@@ -35,7 +35,7 @@ from dynid.signals import (
     uniform_signals,
     was_smoothed,
 )
-from dynid.validation.comparison import TransferReport, transfer_report
+from dynid.validation.comparison import TransferReport, transfer_report, used_rows
 from dynid.validation.error_metrics import Metrics, metrics
 
 MOVING_SPEED = 0.02
@@ -250,14 +250,13 @@ def _settings(
 def _seen_before(
     estimate: Estimate, record: ExperimentRecord, start_s: float | None, stop_s: float | None
 ) -> tuple[Finding, ...]:
-    if identity(record) not in estimate.provenance.inputs.values():
-        return ()
-    used = estimate.settings
-    first = max(start_s or 0.0, used.start_s or 0.0)
-    last = min(
-        record.duration_s if stop_s is None else stop_s,
-        record.duration_s if used.stop_s is None else used.stop_s,
-    )
+    own, end = identity(record), record.duration_s if stop_s is None else stop_s
+    common = [
+        (max(start_s or 0.0, start), min(end, stop, record.duration_s))
+        for name, start, stop in used_rows(estimate)
+        if name == own
+    ]
+    first, last = max(common, key=lambda window: window[1] - window[0], default=(0.0, 0.0))
     if last - first < OVERLAP_S:
         return ()
     return (

@@ -271,7 +271,7 @@ def require_cutoff(rate_hz: float, cutoff_hz: float | None, seconds: float = mat
             "the cut-off is too low for the record's duration: the filter leaves no motion",
             where="--cutoff",
             value=f"{cutoff_hz:g} Hz",
-            limit=f"from {LEAST_PERIODS / seconds:.2g} Hz",
+            limit=f"from {1.01 * LEAST_PERIODS / seconds:.3g} Hz",
         )
     highest = NYQUIST_SHARE * rate_hz / 2
     if cutoff_hz is not None and cutoff_hz > highest * (1 + 1e-6):

@@ -38,7 +38,7 @@ from dynid.recording import (
 from dynid.robot import RobotLike, load_robot
 from dynid.settings import IdentifySettings
 from dynid.signals import ProcessingSettings, rows_of, survey, window
-from dynid.validation import ValidationResult, refit_friction, samples_of, validate
+from dynid.validation import REFIT, ValidationResult, refit_friction, samples_of, validate
 from dynid.workflow.identify import Identification, Verdict, identify, verdict
 from dynid.workflow.recordings import known_gains, of_robot, robot_of
 from dynid.workflow.reporting import MODELS, report
@@ -156,15 +156,14 @@ def validate_files(
         raise InputError("nothing to write without --refit", where="--output", value=str(output))
     known = open_estimate(estimate, at_degC)
     record = open_record(recording, known.model.robot, gains)
+    before = known.warnings
     if refit is not None:
         known = _refitted(known, record, start_s, stop_s)
         if output is not None:
             write_estimate(known, output)
     found = validate(known, record, start_s=start_s, stop_s=stop_s)
-    if refit is not None:
-        told = [one for one in known.warnings if one.kind == "low_excitation"]
-        found = replace(found, warnings=tuple(dict.fromkeys([*told, *found.warnings])))
-    return found
+    new = [one for one in known.warnings if one not in before]
+    return replace(found, warnings=tuple(dict.fromkeys([*new, *found.warnings])))
 
 
 def _refitted(
@@ -173,15 +172,14 @@ def _refitted(
     """The estimate with this recording's friction; it tells where that comes from."""
     found = refit_friction(estimate, samples_of(estimate, record, start_s=start_s, stop_s=stop_s))
     name, made = record.metadata.origin or "the recording", estimate.provenance
-    inputs = dict(made.inputs)
-    if start_s is None and stop_s is None:
-        # An error on all of it is that of a recording that was fitted to.
-        inputs[name] = fingerprint(record)
-    window = "" if name in inputs else f", {start_s or 0.0:g} s to {stop_s or record.t[-1]:g} s"
+    start, stop = start_s or 0.0, record.duration_s if stop_s is None else stop_s
+    rows = {"record": fingerprint(record), "start_s": start, "stop_s": stop}
+    whole = start_s is None and stop_s is None
+    words = f"friction refitted to {name}{'' if whole else f', {start:g} s to {stop:g} s'}"
     return replace(
         found,
-        choices=(*found.choices, f"friction refitted to {name}{window}"),
-        provenance=provenance(inputs, {**made.settings, "refit": "friction"}, made.seed),
+        choices=(*found.choices, words),
+        provenance=provenance(made.inputs, {**made.settings, REFIT: rows}, made.seed),
     )
 
 

@@ -289,7 +289,9 @@ def fit_records(
 def _seconds(record: recording.ExperimentRecord, settings: IdentifySettings) -> float:
     """Length of a recording's window [s]."""
     stop = record.duration_s if settings.stop_s is None else settings.stop_s
-    return max(min(stop, record.duration_s) - (settings.start_s or 0.0), 1e-3)
+    length = min(stop, record.duration_s) - (settings.start_s or 0.0)
+    # Of an empty window another check tells.
+    return length if length > 0 else math.inf
 
 
 def gains_nothing(estimate: Estimate) -> tuple[Finding, ...]:
