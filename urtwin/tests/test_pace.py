@@ -82,7 +82,7 @@ def test_a_client_that_virtual_time_gives_up_is_told_why(machine, monkeypatch):
                 client.read_outputs(["timestamp"])
                 client.start()
             reader.rows(100)
-            with pytest.raises(ConnectionError, match="has read nothing for 0.1 s"):
+            with pytest.raises(ConnectionError, match="has read nothing"):
                 idle.rows(100)
     finally:
         over.set()
