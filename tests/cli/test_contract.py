@@ -138,17 +138,21 @@ def test_import_without_a_header(run: Run, recordings: Recordings, tmp_path: Pat
 
 def test_identify_and_validate(run: Run, recordings: Recordings, tmp_path: Path) -> None:
     target = tmp_path / "estimate.json"
-    data = run(
+    told = run(
         "identify",
         recordings.identification,
         "-o",
         target,
         "--preset",
         "paper",
+        "--weighting",
+        "size",
         "--validate",
         recordings.validation,
         "--json",
-    ).json()
+    )
+    assert "--weighting is not used by --estimator ols" in told.err
+    data = told.json()
     assert data.keys() >= IDENTIFY_KEYS
     assert data["base_parameters"] == len(data["parameters"]) == 52
     assert data["estimator"] == "ols"

@@ -148,13 +148,6 @@ def test_a_cutoff_that_leaves_no_motion_is_refused(record: ExperimentRecord, pre
             dynid.identify_payload(record, loaded, "ur5", cutoff_hz=cutoff_hz)
 
 
-def test_a_weighting_that_no_estimator_takes_is_refused(record: ExperimentRecord) -> None:
-    for estimator in (None, "ols", "irls"):
-        settings = dynid.IdentifySettings(preset="paper", estimator=estimator, weighting="size")
-        with pytest.raises(InputError, match="only weighted least squares"):
-            dynid.identify(record, "ur5", settings)
-
-
 def test_a_cutoff_that_the_rate_cannot_carry_is_refused(record: ExperimentRecord) -> None:
     settings = dynid.IdentifySettings(preset="paper", cutoff_hz=100.0)
     with pytest.raises(InputError, match="too high for the record's rate"):

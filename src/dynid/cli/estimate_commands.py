@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -231,6 +232,9 @@ def identify_command(
     if output is not None:
         inputs = [*records, *([] if validation is None else [validation])]
         show.check_output(output, inputs=map(Path, inputs), suffix=".json", force=force)
+    estimator = settings.estimator or ("ols" if settings.preset == "paper" else "wls")
+    if settings.weighting != "joint" and estimator != "wls":
+        print(f"dynid: --weighting is not used by --estimator {estimator}", file=sys.stderr)
     kept = None if output is None else Path(f"{output}.partial")
     with show.progress_bar("identify") as progress, ask.kept_in(kept):
         result = identify_files(

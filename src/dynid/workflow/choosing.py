@@ -53,13 +53,6 @@ def _estimator(
     weight = 0.0 if choice is None else choice.near_weights[-1]
     gain = None if choice is None else identification.PRIOR_GAIN
     word = settings.estimator or ("ols" if choice is None else "wls")
-    if settings.weighting != "joint" and word != "wls":
-        raise InputError(
-            "only weighted least squares shares variances between joints",
-            where="--weighting",
-            value=settings.weighting,
-            next_step="Add --estimator wls.",
-        )
     if word == "sdp" and weight >= REGIONS_FROM:
         return identification.PhysicallyConsistent(prior_gain=gain, by_regions=True)
     if word != "wls":
