@@ -17,7 +17,8 @@ from dynid.identification import Estimate, write_estimate
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
 from dynid.robot import load_robot, with_mount
-from dynid.validation import ParameterComparison, compare
+from dynid.signals import Samples
+from dynid.validation import ParameterComparison, compare, refit_friction
 from dynid.validation.comparison import FALSE_ALARM, GROUPS
 
 SIZES = {"inertial": 36, "coulomb": 6, "viscous": 6, "motor": 4}
@@ -35,6 +36,23 @@ def moved(by: dict[str, float], std: float = 1.0) -> Estimate:
     for name, step in by.items():
         values[base.names.index(name)] += step
     return replace(base, values=values, covariance=std**2 * np.eye(len(values)))
+
+
+def test_newtons_of_a_slide_are_no_prior_of_the_other_joints() -> None:
+    """At rest nothing is seen: each deviation is what the parameter may change by."""
+    base = estimate()
+    slides = replace(base.model.robot, joint_types=("prismatic", *["revolute"] * 5))
+    friction = [k for k, name in enumerate(base.names) if name.startswith("Fc")]
+    values = base.values.copy()
+    values[friction] = [400.0, 3.0, 0.01, 2.0, 1.0, 1.0]
+    rest = np.zeros((200, 6))
+    samples = Samples(
+        t=np.arange(200) / 100.0, q=rest, dq=rest, ddq=rest, tau=rest, rate_hz=100.0, cutoff_hz=5.0
+    )
+    for robot, least in ((slides, 0.3), (base.model.robot, 40.0)):
+        known = replace(base, values=values, model=replace(base.model, robot=robot))
+        std = refit_friction(known, samples).std[friction]
+        assert std[2] == pytest.approx(max(least, known.std[friction[2]]), rel=1e-6)
 
 
 def test_z_and_change_follow_their_formulas() -> None:

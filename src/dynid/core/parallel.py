@@ -72,9 +72,7 @@ class Workers:
             mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
             try:
                 return self.executor.submit(_run, task, *words)
-            except Exception as error:
-                if not isinstance(error, RuntimeError) and not _of_dask(error):
-                    raise
+            except (RuntimeError, *_losses_of_dask()):
                 again = self.reopen is not None and self.reopened < MOST_REOPENED
                 self.executor = self.reopen() if again and self.reopen is not None else None
                 self.reopened += 1
@@ -114,21 +112,16 @@ def result_of(future: futures.Future[Result]) -> Result:
     """
     try:
         return future.result()
-    except (futures.BrokenExecutor, futures.CancelledError) as error:
+    except (futures.BrokenExecutor, futures.CancelledError, *_losses_of_dask()) as error:
         raise WorkerLost from error
-    except Exception as error:
-        if _of_dask(error):
-            raise WorkerLost from error
-        raise
 
 
-def _of_dask(error: Exception) -> bool:
-    """Whether a cluster lost a worker, or this process its scheduler."""
+def _losses_of_dask() -> tuple[type[Exception], ...]:
+    """What is raised where a cluster lost a worker, or this process its scheduler."""
     distributed: Any = sys.modules.get("distributed")
     if distributed is None:
-        return False
-    lost = (distributed.KilledWorker, distributed.client.ClosedClientError)
-    return isinstance(error, lost)
+        return ()
+    return distributed.KilledWorker, distributed.client.ClosedClientError
 
 
 def each(
@@ -283,9 +276,7 @@ def _dask_workers(address: str) -> Generator[Workers]:
     def present() -> int:
         try:
             return len(client.nthreads())
-        except Exception as error:
-            if not isinstance(error, (OSError, TimeoutError)) and not _of_dask(error):
-                raise
+        except (OSError, TimeoutError, *_losses_of_dask()):
             return 0
 
     try:

@@ -249,8 +249,8 @@ def _complete(estimate: Estimate) -> Completion:
 def null_space(model: InverseDynamicModel) -> Array:
     """(p, k) directions of the standard parameters that leave all base parameters as they are.
 
-    Those of the nominal geometry, as the base parameters are: a geometry that is off by 1e-7 rad
-    shows all parameters, with torques that no sensor can tell from zero.
+    As many as the nominal geometry has: one that is off by 1e-7 rad shows all parameters, with
+    torques that no sensor can tell from zero.
     """
     base = reduce_model(model)
     unseen = np.zeros((len(model.columns), len(base.dependent)))
