@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from gentle import CYCLES, write_motion
 
+from dynid.core import JsonFields
 from dynid.recording import read_record
 from dynid.robot import joint_poses
 from dynid.studio.page import Page
@@ -229,15 +230,43 @@ def test_nothing_fails_before_the_server_has_answered(
     page.close()
 
 
-def test_the_button_works_again_after_a_refusal(visited: Visited) -> None:
+def test_the_button_works_again_after_a_refusal(visited: Visited, studio: tuple[Page, str]) -> None:
+    session = studio[0].session
     visit = visited(1400)
     visit.step("Design")
-    sent: list[str] = []
-    visit.page.on("request", lambda request: sent.append(request.url))
     visit.page.locator("#f-period_s").fill("0")
-    for count in (1, 2):
+    refused: list[object] = [None]
+    for _ in range(2):
         visit.primary("Design a motion")
-        until(lambda count=count: sum("/do/design" in url for url in sent) == count, visit)
+        # A second press, before the first is answered, asks for nothing.
+        visit.page.locator("#primary").dispatch_event("click")
+        until(lambda: session.job is not refused[-1] and session.job.state.ended, visit)
+        refused.append(session.job)
+        visit.page.locator("#job .bad").wait_for()
+    visit.check()
+
+
+def test_an_answer_that_is_late_takes_no_news_back(
+    visited: Visited, studio: tuple[Page, str]
+) -> None:
+    page, _ = studio
+    visit = visited(1400)
+    visit.step("Design")
+    hostile = next(name for name in page.session.motions if name.startswith("<img"))
+    late: list[tuple[Any, Any]] = []
+    visit.page.route("**/api/state*", lambda route: late.append((route, route.fetch())))
+    visit.page.locator("#f-motion").select_option(hostile)
+    until(lambda: bool(late), visit)
+    page.do("choose", JsonFields({"name": "motion.json"}))
+    until(lambda: visit.app("app.state.motion") == "motion.json", visit)
+    for route, answer in late:
+        assert answer.json()["motion"] == hostile
+        with visit.page.expect_response("**/api/state*"):
+            route.fulfill(response=answer)
+    visit.page.unroute("**/api/state*")
+    visit.page.wait_for_timeout(500)
+    assert visit.app("app.state.motion") == "motion.json"
+    visit.page.locator("#title h2", has_text="motion.json").wait_for()
     visit.check()
 
 
@@ -305,6 +334,7 @@ def test_a_run_beside_an_open_page_loses_no_sample_and_can_be_stopped(
 ) -> None:
     page, _ = studio
     session = page.session
+    session.choose("motion.json")
     visit = visited(1400)
     visit.step("Run")
     with controller_process("ur5", host=own_address(), virtual_time=True) as controller:

@@ -98,12 +98,17 @@ class Page:
         with contextlib.suppress(DynidError):
             # A scene without room is said in the state.
             self.session.judge()
-        told = json.dumps(self.state())
-        with self._changed:
-            if told != self._told:
-                self._told, self._version = told, self._version + 1
-                self._changed.notify_all()
+        self._tell()
         return job is not None and job is not self._done
+
+    def _tell(self) -> None:
+        # One thread at a time: a state that was read earlier is never told later.
+        with self._changed:
+            if json.dumps(self.state()) == self._told:
+                return
+            self._version += 1
+            self._told = json.dumps(self.state())
+            self._changed.notify_all()
 
     def news(self, seen: int, patience: float) -> tuple[str, int]:
         """The state once it is not that of the version `seen`, or nothing after a while [s]."""
@@ -115,6 +120,7 @@ class Page:
         """Facts: `state`, `robot`, `scene`, or `curves` of the motion that `name` names."""
         session = self.session
         if what == "state":
+            self._tell()
             return self.state()
         if what == "robot":
             judge = session.constraints
@@ -142,11 +148,12 @@ class Page:
         return found or {}
 
     def state(self) -> dict[str, Any]:
-        """All that changes while the page is open."""
+        """All that changes while the page is open; its version counts what was told."""
         session = self.session
         with session.lock:
             editor = session.editor
             return {
+                "version": self._version,
                 "opened": self._opening,
                 "robot": printable(session.robot.name),
                 "folder": printable(session.folder.resolve().name),

@@ -251,13 +251,12 @@ const design = {
     primary(this.next ? "Continue to the run" : busy(app) ? waits(app) : "Design a motion", !busy(app));
   },
   act(app) {
-    if (this.next) app.go("run");
-    else this.search(app);
+    return this.next ? app.go("run") : this.search(app);
   },
   search(app) {
     const { criterion, period_s, harmonics, budget_s, seed } = typed;
     const asked = Number.isFinite(harmonics) ? harmonics : null;
-    app.do("design", { criterion, period_s, harmonics: asked, budget_s, seed, file: takeName("design") });
+    return app.do("design", { criterion, period_s, harmonics: asked, budget_s, seed, file: takeName("design") });
   },
 };
 
@@ -283,7 +282,7 @@ const run = {
     const job = app.state.job;
     if (running(app, "run") && job.ask) return app.do("answer", { word: typed.word });
     if (this.next) return app.go("identify");
-    app.do("run", { target: typed.target, repeat: typed.repeat, slow: typed.slow, file: takeName("run") });
+    return app.do("run", { target: typed.target, repeat: typed.repeat, slow: typed.slow, file: takeName("run") });
   },
 };
 
@@ -304,7 +303,7 @@ const identify = {
     primary(busy(app) ? waits(app) : "Identify", records.length > 0 && !busy(app));
   },
   act(app) {
-    app.do("identify", { record: typed.record, validate: typed.validate, preset: typed.preset, file: takeName("identify") });
+    return app.do("identify", { record: typed.record, validate: typed.validate, preset: typed.preset, file: takeName("identify") });
   },
 };
 

@@ -39,7 +39,7 @@ async function act(name, fields = {}) {
         spoke = turn;
         app.words = found.words ? { text: found.words, level: "good" } : null;
       }
-      take(await look("state"));
+      await take(await look("state"));
     }
     return found;
   } catch (error) {
@@ -70,13 +70,15 @@ async function start() {
 
 let taking = Promise.resolve();
 function take(state) {
-  taking = taking.then(() => follow(state)).catch((error) => {
+  return taking = taking.then(() => follow(state)).catch((error) => {
     app.words = { text: String(error.message), level: "bad" };
     render();
   });
 }
 async function follow(state) {
   const old = app.state;
+  // What was asked for may arrive after the news that followed it.
+  if (old && old.opened === state.opened && state.version < old.version) return;
   app.state = state;
   if (!old || old.opened !== state.opened) {
     app.robot = await look("robot");
@@ -109,6 +111,7 @@ async function follow(state) {
   advance(state, old);
   arrange();
   render();
+  dirty = true;
   judge(true);
 }
 
@@ -463,7 +466,16 @@ function listen() {
     e.preventDefault();
   });
   $("stop").addEventListener("click", stop);
-  $("primary").addEventListener("click", () => app.step && steps[app.step].act(app));
+  let pressed = false;
+  $("primary").addEventListener("click", async () => {
+    if (!app.step || pressed) return;
+    pressed = true;
+    try {
+      await steps[app.step].act(app);
+    } finally {
+      pressed = false;
+    }
+  });
   let over = 0;
   addEventListener("dragenter", (e) => {
     e.preventDefault();
