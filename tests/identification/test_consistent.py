@@ -13,7 +13,7 @@ from known_robot import MASSES, oracle, recording, ur5
 from scipy.optimize import minimize
 
 from dynid import identify
-from dynid.core import JobError, MissingExtraError
+from dynid.core import MissingExtraError
 from dynid.identification import (
     IdentificationProblem,
     PhysicallyConsistent,
@@ -26,8 +26,6 @@ from dynid.identification import (
 from dynid.identification.consistent import (
     ConsistentProblem,
     body_constraints,
-    one_standard_error,
-    pose_regions,
     sign_constraints,
     solve_conic,
 )
@@ -146,27 +144,6 @@ def test_the_solution_does_not_depend_on_the_size_of_friction(size: float) -> No
     here, there = solve_conic(problem, 0.1), solve_conic(other, 0.1)
     atol = SOLVERS_AGREE * np.abs(here.values).max()
     np.testing.assert_allclose(there.values / scale, here.values, rtol=0, atol=atol)
-
-
-def test_one_standard_error_takes_the_strongest_that_cannot_be_told_from_the_best() -> None:
-    scores = np.array([[3.0, 1.0, 1.1, 2.5, np.inf], [3.2, 1.4, 1.5, 2.5, 3.0]])
-    assert one_standard_error(scores) == 2
-    # The best one has no doubt: nothing else may be taken.
-    assert one_standard_error(np.array([[1.0, 1.0, 1.1], [1.0, 0.9, 1.1], [1.0, 0.95, 1.2]])) == 1
-    with pytest.raises(JobError, match="no weight"):
-        one_standard_error(np.full((3, 2), np.inf))
-
-
-def test_regions_left_out_are_the_ends_of_the_motion() -> None:
-    t = np.linspace(0.0, 1.0, 1000)
-    q = np.column_stack([t, 0.5 * t, np.zeros(1000)])
-    marks = pose_regions(q)
-    assert marks.sum(axis=1)[:1] == 250
-    first, last = marks[0], marks[len(marks) // 2]
-    # Either end may come first.
-    ends = sorted([float(t[first].mean()), float(t[last].mean())])
-    np.testing.assert_allclose(ends, [0.125, 0.875], atol=1e-3)
-    assert not (first & last).any()
 
 
 def test_the_divergence_is_zero_at_the_prior_and_infinite_outside() -> None:

@@ -1,12 +1,12 @@
 """What a recording shows at single places or signals: contacts, ripple, clipping, its clock."""
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dynid.core import Array, Indices, Mask, scipy_part
 from dynid.diagnosis.residual import SHAPES, STEPPED, Recording, Reference, correlation_length, fits
+from dynid.identification import wave_power
 from dynid.robot import RobotModel
 from dynid.signals import find_period
 
@@ -316,9 +316,9 @@ def ripple(
     orders = np.arange(max(ORDERS[0], 30 / reach), min(ORDERS[1], top), spacing)
     if len(orders) < 30:
         return None
-    best = int(np.argmax(_powers(q, left, orders)))
+    best = int(np.argmax(wave_power(q, left, orders)))
     near = orders[best] + spacing * np.linspace(-1, 1, FINER)
-    powers = _powers(q, left, near)
+    powers = wave_power(q, left, near)
     if 2 * np.sqrt(powers.max()) < least:
         return None
     order = float(near[np.argmax(powers)])
@@ -326,21 +326,11 @@ def ripple(
     size: Array = np.asarray(np.linalg.lstsq(wave, left, rcond=None)[0], dtype=np.float64)
     # A motion that dwells in some places spreads a large wave over all orders: without it the
     # others tell what is usual. Where the model has taken a part of it, they do as they are.
-    usual = min(float(np.median(_powers(q, e, orders))) for e in (left, left - wave @ size))
+    usual = min(float(np.median(wave_power(q, e, orders))) for e in (left, left - wave @ size))
     amplitude = float(np.linalg.norm(size))
     if amplitude**2 / 4 < PROMINENT * usual:
         return None
     return order, amplitude
-
-
-def _powers(q: Array, left: Array, orders: Array) -> Array:
-    """Squares of the Fourier coefficients of errors (N) at positions (N), of even orders."""
-    # exp(i (a + b) q) = exp(i a q) exp(i b q): few exponentials serve all evenly spaced orders.
-    width = math.isqrt(len(orders)) + 1
-    near = np.exp(1j * np.outer((orders[1] - orders[0]) * np.arange(width), q))
-    far = left * np.exp(1j * np.outer(orders[::width], q))
-    waves = (far @ near.T).ravel()[: len(orders)] / len(q)
-    return np.square(np.abs(waves))
 
 
 def travels(q: Array) -> Mask:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Finding
+from dynid.core import Finding, plain
 
 GOOD_PREDICTION = 10.0
 """[%] of the torque, beyond noise, up to which a prediction is good."""
@@ -49,16 +49,6 @@ class Answer:
     limit: float | None = None
     """What it is compared with."""
 
-    def to_json(self) -> dict[str, Any]:
-        """A JSON object."""
-        return {
-            "answer": self.answer,
-            "reason": self.reason,
-            "value": self.value if self.value is None or np.isfinite(self.value) else None,
-            "unit": self.unit,
-            "limit": self.limit,
-        }
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
@@ -95,13 +85,7 @@ class Verdict:
 
     def to_json(self) -> dict[str, Any]:
         """The keys of the design."""
-        return {
-            "level": self.level,
-            "reasons": list(self.reasons),
-            "prediction": self.prediction.to_json(),
-            "parameters": self.parameters.to_json(),
-            "simulation": self.simulation.to_json(),
-        }
+        return {"level": self.level, "reasons": list(self.reasons), **plain(self)}
 
 
 def judge(

@@ -13,7 +13,7 @@ from dynid.identification.bayesian import (
     metric_moves,
     symbol_of,
 )
-from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
+from dynid.identification.problem import IdentificationProblem, base_mapping
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import PSEUDO_INERTIA_BASIS, frame_map, to_pseudo_inertia
 
@@ -156,9 +156,7 @@ class ConsistentSolution:
     """(k) of the bounds, zero where they do not bind."""
 
 
-def solve_conic(
-    problem: ConsistentProblem, gamma: float, tolerance: float = TOLERANCE
-) -> ConsistentSolution:
+def solve_conic(problem: ConsistentProblem, gamma: float) -> ConsistentSolution:
     """The minimiser by an interior-point method, gamma > 0 the weight of the prior.
 
     Raises:
@@ -188,7 +186,7 @@ def solve_conic(
         cones += [clarabel.PSDTriangleConeT(8), *[clarabel.ExponentialConeT()] * 4]
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = TOLERANCE
     settings.max_iter = 400
     matrix = scipy_part("sparse").csc_matrix
     solver = clarabel.DefaultSolver(
@@ -250,77 +248,3 @@ def _upper_triangles(matrices: Array) -> Array:
         for a in range(b + 1)
     ]
     return np.stack(entries, axis=-1)
-
-
-AXES = 3
-"""Principal axes of the poses whose two ends are left out in turn."""
-END = 0.25
-"""Share of the rows at one end."""
-POWERS = tuple(k / 2 for k in range(-12, 1))
-"""Decimal powers of the weights that are tried, over the weighted residual sum."""
-WEIGHT_TOLERANCE = 1e-8
-"""Of the solver while weights are compared."""
-
-
-def pose_regions(q: Array) -> Array:
-    """(k, N) marks of the rows at each end of the principal axes of poses (N, n)."""
-    spread = q.std(axis=0)
-    moving = spread > 1e-9
-    centred = (q - q.mean(axis=0))[:, moving] / spread[moving]
-    axes = np.linalg.svd(centred, full_matrices=False)[2][:AXES]
-    along = axes @ centred.T
-    low, high = np.quantile(along, [END, 1 - END], axis=1)
-    return np.concatenate([along > high[:, None], along < low[:, None]])
-
-
-def held_out_weight(
-    problem: IdentificationProblem, weights: Array, prior: InertialPrior
-) -> tuple[float, int]:
-    """The largest weight that predicts unseen regions as well as the best, and how many they are.
-
-    Each end of the motion's principal axes is left out in turn. Of all weights whose mean score
-    lies within one standard error of the best, the largest is taken (Breiman, Friedman, Olshen and
-    Stone 1984): what the record cannot tell, the prior says. The weights (n) of the joints are in
-    units of the plain residual sum.
-
-    Raises:
-        JobError: The solver finds no solution for any weight.
-    """
-    used = problem.samples.q[problem.samples.rows]
-    poses = used[:: problem.samples.block][: problem.blocks]
-    marks = pose_regions(poses)
-    mapping = base_mapping(problem.base)
-    scores = np.full((len(marks), len(POWERS)), np.inf)
-    for k, mark in enumerate(marks):
-        left, stay = (
-            joint_factors(problem, np.broadcast_to(rows, (problem.samples.joints, len(rows))))
-            for rows in (mark.astype(np.float64), (~mark).astype(np.float64))
-        )
-        # Fewer rows, same meaning of the weight: the residual sum of all rows is one.
-        share = float(np.sqrt(len(mark) / (~mark).sum()))
-        reduced = reduced_problem(problem, stay, weights * share, prior)
-        for i, power in enumerate(POWERS):
-            try:
-                found = solve_conic(reduced, 10.0**power, WEIGHT_TOLERANCE)
-            except JobError:
-                continue
-            error = np.linalg.norm(left @ np.append(mapping @ found.values, -1.0), axis=1)
-            scores[k, i] = np.log(np.maximum(error / np.sqrt(mark.sum()), 1e-12)).sum()
-    chosen = one_standard_error(scores)
-    return 10.0 ** POWERS[chosen], len(marks)
-
-
-def one_standard_error(scores: Array) -> int:
-    """The last column of (folds, candidates) within one standard error of the best one's mean.
-
-    Smaller is better, the candidates go from weak to strong.
-
-    Raises:
-        JobError: No candidate has a score in all folds.
-    """
-    mean = scores.mean(axis=0)
-    best = int(np.argmin(mean))
-    if not np.isfinite(mean[best]):
-        raise JobError("no weight of the prior has a solution on every part of the record")
-    error = scores[:, best].std(ddof=1) / np.sqrt(len(scores))
-    return int(np.flatnonzero(mean <= mean[best] + error)[-1])

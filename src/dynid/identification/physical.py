@@ -13,7 +13,6 @@ from dynid.identification import bayesian, least_squares
 from dynid.identification.consistent import (
     ConsistentProblem,
     ConsistentSolution,
-    held_out_weight,
     reduced_problem,
     solve_conic,
 )
@@ -128,16 +127,15 @@ class PhysicallyConsistent(least_squares.Estimator):
 
     On the QR-reduced problem (Sousa and Cortesao 2014) with the pseudo-inertia of every link
     positive (Wensing, Kim and Slotine 2018) and the entropic divergence of Lee, Wensing and Park
-    (2020), whose weight is the largest that the data allow (discrepancy principle), or on poor
-    motions the one that predicts the regions left out.
+    (2020), whose weight is given, or the largest that the data allow (discrepancy principle).
     """
 
     name: ClassVar[str] = "sdp"
     by_factors: ClassVar[bool] = True
     prior_gain: float | None = None
     """See `WeightedLeastSquares`, whose weights and residual sum are the measure."""
-    by_regions: bool = False
-    """Choose the weight on regions of the motion left out instead, see `held_out_weight`."""
+    weight: float | None = None
+    """Of the prior, over the rows of a joint as in `TowardPublished`; None for the largest."""
 
     def fit(self, problem: IdentificationProblem) -> least_squares.Fit:
         """See `Estimator`."""
@@ -149,13 +147,11 @@ class PhysicallyConsistent(least_squares.Estimator):
         # In units of the plain residual sum, weights of the prior mean the same on all records.
         weights = plain.weights / np.sqrt(max(least, 1e-300))
         consistent = reduced_problem(problem, factors, weights, prior)
-        words: tuple[str, ...] = ()
-        if self.by_regions:
-            gamma, regions = held_out_weight(problem, weights, prior)
-            solution = solve_conic(consistent, gamma)
-            words = (f"prior weight from {regions} regions of the motion left out",)
-        else:
+        if self.weight is None:
             gamma, solution = largest_weight(consistent)
+        else:
+            gamma = self.weight / len(factors)
+            solution = solve_conic(consistent, gamma)
         values = base_mapping(problem.base) @ solution.values
         return replace(
             plain,
@@ -168,7 +164,7 @@ class PhysicallyConsistent(least_squares.Estimator):
                 consistent.matrix[:, list(problem.base.independent)],
                 bayesian.deviations(model.robot, model.frames),
             ),
-            choices=(*words, *_words(consistent, solution, gamma, model.names, prior)),
+            choices=_words(consistent, solution, gamma, model.names, prior),
         )
 
 

@@ -1,5 +1,6 @@
 """Torque ripple of gears, found by the waves that a fit leaves over their joints' positions."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise, product
@@ -139,13 +140,12 @@ def _gear(
 
 def wave_power(q: Array, residual: Array, waves: Array) -> Array:
     """(k) power of evenly spaced waves a turn (k) in a residual (N) at positions (N)."""
-    turn = np.exp(1j * (waves[1] - waves[0]) * q)
-    carried = residual * np.exp(1j * waves[0] * q)
-    power = np.empty(len(waves))
-    for k in range(len(waves)):
-        power[k] = np.square(np.abs(carried.mean()))
-        carried *= turn
-    return power
+    # exp(i (a + b) q) = exp(i a q) exp(i b q): few exponentials serve all waves.
+    width = math.isqrt(len(waves)) + 1
+    near = np.exp(1j * np.outer((waves[1] - waves[0]) * np.arange(width), q))
+    far = residual * np.exp(1j * np.outer(waves[::width], q))
+    found = (far @ near.T).ravel()[: len(waves)] / len(q)
+    return np.square(np.abs(found))
 
 
 def held_out(parts: Sequence[Array], residual: Array, together: int = 1) -> tuple[float, Array]:

@@ -29,8 +29,8 @@ from dynid.signals import (
 )
 
 REGIONS_FROM = 1e-2
-"""Weight of the published inertias from which consistent bodies are fitted by regions too: the
-motion leaves that much to the prior."""
+"""Weight of the published inertias from which consistent bodies take it over: the motion leaves
+that much to the prior."""
 
 
 def _require_estimator(settings: IdentifySettings) -> None:
@@ -54,7 +54,7 @@ def _estimator(
     gain = None if choice is None else identification.PRIOR_GAIN
     word = settings.estimator or ("ols" if choice is None else "wls")
     if word == "sdp" and weight >= REGIONS_FROM:
-        return identification.PhysicallyConsistent(prior_gain=gain, by_regions=True)
+        return identification.PhysicallyConsistent(prior_gain=gain, weight=weight)
     if word != "wls":
         return identification.estimator_of(word, gain)
     groups = None

@@ -108,9 +108,6 @@ def fit_long(
         lambda what, share: tell(what, CHOOSING_SHARE * share),
     )
     estimator = found.estimator
-    if isinstance(estimator, identification.PhysicallyConsistent):
-        estimator = replace(estimator, by_regions=False)
-        found = replace(found, estimator=estimator)
     if not estimator.by_factors:
         raise InputError(
             "this estimator needs all rows at once, and the recordings are too long for that",
