@@ -18,6 +18,8 @@ from dynid.report import ReportContents, ReportedEstimate, render, write_figures
 from dynid.workflow import report
 
 MAX_BYTES = 3_000_000
+DRAWN = 1e-3
+"""Distances at two hundred instants against a certificate of all [m]."""
 HOSTILE = '<script>alert("x")</script>\u2028</script><!--' + "y" * 3000
 Page = tuple[Path, ReportContents]
 
@@ -225,22 +227,22 @@ def test_wrong_places_are_refused(page: Page, tmp_path: Path) -> None:
 
 
 def test_a_design_is_shown_with_its_limits_over_time(finished_run: Path, tmp_path: Path) -> None:
-    settings = dynid.DesignSettings(method="ga", population=20, generations=1, limits="paper")
-    designed = dynid.design("ur5", settings, output=tmp_path / "design.json")
-    document = json.loads((tmp_path / "design.json").read_text())
-    document["design"]["limits"]["preset"] = "safe"
-    (tmp_path / "design.json").write_text(json.dumps(document))
+    designed = dynid.design("ur5", dynid.DesignSettings(starts=1), output=tmp_path / "design.json")
     dynid.write_estimate(
         dynid.read_estimate(finished_run / "estimate.json"), tmp_path / "estimate.json"
     )
     path, contents = report(tmp_path, tmp_path / "report.html")
     (shown,) = contents.designs
     assert shown.judged is not None
-    worst = dynid.check(tmp_path / "design.json").certificate.margins
+    worst = dynid.check(tmp_path / "design.json").certificate.worst
     # The instant where bodies come nearest is among those that are drawn.
-    nearest = json.loads((tmp_path / "design.json").read_text())["design"]["worst"]
-    assert {entry["t"] for entry in nearest.values()} <= set(shown.judged.t)
-    largest = dict(zip(shown.judged.kinds, shown.judged.shares.max(axis=0), strict=True))
+    assert {item.t for item in worst.values()} <= set(shown.judged.t)
     # The certificate looks closer than two hundred instants, and adds what it is not sure of.
-    assert 1 - largest["tcp_speed"] == pytest.approx(worst["tcp_speed"], abs=0.02)
+    largest = dict(zip(shown.judged.kinds, shown.judged.shares.max(axis=0), strict=True))
+    assert 1 - largest["tcp_speed"] == pytest.approx(worst["tcp_speed"].margin, abs=0.02)
+    # Bodies beside a joint are never 10 mm apart: they keep half of what there is.
+    assert worst["self_collision"].required < worst["environment"].required
+    beyond = dict(zip(shown.judged.distance_kinds, shown.judged.distances.min(axis=0), strict=True))
+    for kind, least in beyond.items():
+        assert least == pytest.approx(worst[kind].room, abs=DRAWN)
     assert f"{designed.condition_number:.4g}" in visible(path.read_text())

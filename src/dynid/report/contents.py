@@ -90,7 +90,7 @@ class JudgedMotion:
     """(N, k) value over limit, NaN where not judged."""
     distance_kinds: tuple[str, ...]
     distances: Array
-    """(N, d) signed distances [m], NaN where not judged."""
+    """(N, d) signed distances beyond the clearance of the pair [m], infinite where not judged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -102,21 +102,11 @@ def _judged(found: StoredDesign) -> JudgedMotion | None:
     rows = zip(motion.q[:, None], motion.dq[:, None], motion.ddq[:, None], strict=True)
     usages = [judge.usage(*row) for row in rows]
     shares = np.array([[1.0 - usage.worst[kind].margin for kind in KINDS] for usage in usages])
-    gaps = np.array([[usage.worst[kind].margin for kind in DISTANCES] for usage in usages])
+    # Each pair has a clearance of its own: beyond it, one line at zero is the limit of all.
+    gaps = np.array([[usage.worst[kind].room for kind in DISTANCES] for usage in usages])
     if not np.isfinite(shares).any() and not np.isfinite(gaps).any():
         return None
-    # Beyond what each kind must keep, so that one line at zero is the limit of both.
-    kept = np.array([judge.settings.self_clearance, judge.settings.clearance])
-    names = zip(DISTANCES, kept, strict=True)
-    return JudgedMotion(
-        t=t,
-        kinds=KINDS,
-        shares=shares,
-        distance_kinds=tuple(
-            f"{kind.replace('_', ' ')}, beyond {1000 * own:g} mm to keep" for kind, own in names
-        ),
-        distances=gaps - kept,
-    )
+    return JudgedMotion(t=t, kinds=KINDS, shares=shares, distance_kinds=DISTANCES, distances=gaps)
 
 
 def _instants(found: StoredDesign) -> Array:
