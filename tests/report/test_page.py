@@ -18,7 +18,7 @@ from dynid.report import ReportContents, ReportedEstimate, render, write_figures
 from dynid.workflow import report
 
 MAX_BYTES = 3_000_000
-DRAWN = 1e-3
+DRAWN = 4e-3
 """Distances at two hundred instants against a certificate of all [m]."""
 HOSTILE = '<script>alert("x")</script>\u2028</script><!--' + "y" * 3000
 Page = tuple[Path, ReportContents]

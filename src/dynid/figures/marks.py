@@ -159,8 +159,10 @@ def _decades(low: float, high: float, most: int) -> tuple[tuple[float, str], ...
         steps = [m * 10.0**k for k in range(first - 1, last + 1) for m in (1, 2, 5)]
         return tuple((v, f"{v:g}") for v in steps if low <= v <= high)
     every = max(1, math.ceil((last - first + 1) / max(most, 1)))
+    # One way of writing on one axis.
+    short = first >= -3 and last <= 4
     return tuple(
-        (10.0**k, f"{10.0**k:g}" if -3 <= k <= 4 else f"10{str(k).translate(_RAISED)}")
+        (10.0**k, f"{10.0**k:g}" if short else f"10{str(k).translate(_RAISED)}")
         for k in range(first, last + 1, every)
     )
 

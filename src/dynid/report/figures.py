@@ -354,7 +354,7 @@ def changes_figure(first: str, second: str, compared: ParameterComparison) -> dr
 
 
 def singular_figure(base: BaseParametrization) -> draw.Figure:
-    """Singular values of the stacked regressor; the line stands at the rank."""
+    """Singular values of the stacked regressor; the upright line stands at the rank."""
     values = np.asarray(base.singular_values)
     count = np.arange(1.0, len(values) + 1)
     relative = np.maximum(values / values[0], 1e-17)
@@ -367,7 +367,7 @@ def singular_figure(base: BaseParametrization) -> draw.Figure:
                 y=draw.axis_around(relative, log=True),
                 marks=(
                     draw.Level(base.tolerance, name="tolerance"),
-                    draw.Level(base.rank + 0.5, upright=True, name="rank"),
+                    draw.Level(base.rank + 0.5, upright=True),
                     draw.Points(count, relative, "predicted", size=4),
                 ),
                 height=140,
