@@ -9,7 +9,7 @@ import pytest
 
 from dynid.core import InputError
 from dynid.studio.page import Page
-from dynid.studio.server import Server, access_policy, cookie_name, rule
+from dynid.studio.server import MOST_STREAMS, Server, access_policy, cookie_name, rule
 from dynid.studio.session import open_path
 
 TOKEN = "correct-horse-battery"
@@ -188,3 +188,29 @@ def test_a_port_that_is_taken_is_said_at_once(guarded: Server) -> None:
     # An address that no machine on earth has (documentation only, RFC 5737).
     with pytest.raises(InputError, match="cannot listen"):
         Server(access_policy("192.0.2.1", None), 0, guarded.page)
+
+
+def test_cookies_of_other_programs_do_not_matter(guarded: Server) -> None:
+    own = cookie(guarded)
+    for other in ('prefs={"dark":true}', "a[]=1", "odd name=2", "=", ""):
+        assert ask(guarded.port, "/api/state", Cookie=f"{other}; {own}; {other}")[0] == 200
+    assert ask(guarded.port, "/api/state", Cookie='prefs={"dark":true}')[0] == 403
+
+
+def test_news_of_many_tabs_leave_connections_for_a_stop(guarded: Server) -> None:
+    known = {"Cookie": cookie(guarded)}
+    lasting: list[http.client.HTTPConnection] = []
+    try:
+        for _ in range(MOST_STREAMS):
+            connection = http.client.HTTPConnection("127.0.0.1", guarded.port, timeout=20)
+            connection.request("GET", "/news", headers=known)
+            lasting.append(connection)
+            assert connection.getresponse().readline().startswith(b"retry: ")
+        # The next one is told what there is, and is let go.
+        status, _, body = ask(guarded.port, "/news", **known)
+        assert status == 200
+        assert b"retry: " in body
+        assert json.loads(body.partition(b"data: ")[2])["motion"] == ""
+    finally:
+        for connection in lasting:
+            connection.close()

@@ -99,3 +99,14 @@ def test_the_given_document_is_not_changed(tmp_path: Path) -> None:
     editor.items[1]["size"][0] = 9
     assert json.dumps(document) == text
     assert editor.sizes(1)["size x"] == 0.5
+
+
+def test_a_place_that_cannot_be_changes_nothing() -> None:
+    editor = SceneEditor()
+    number = editor.add("box")
+    before, changes = editor.items, editor.changes
+    far = np.eye(4)
+    far[0, 3] = 700.0
+    with pytest.raises(InputError):
+        editor.place(number, far)
+    assert (editor.items, editor.changes) == (before, changes)

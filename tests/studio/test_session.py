@@ -161,3 +161,58 @@ def test_one_job_at_a_time(folder: Path) -> None:
     assert session.job is not None
     assert session.job.state.ended
     assert session.motions["motion.json"].duration == PERIOD
+
+
+def test_a_save_replaces_scenes_alone(folder: Path) -> None:
+    session = Session(open_path(str(folder)))
+    before = (folder / "motion.json").read_bytes()
+    session.editor.add("floor")
+    for name in ("motion.json", "other.json"):
+        with pytest.raises(InputError, match="no scene"):
+            session.save_scene(name)
+    assert (folder / "motion.json").read_bytes() == before
+    assert len(json.loads(session.save_scene("scene.json").read_text())["shapes"]) == 2
+
+
+def test_the_scene_of_a_folder_is_the_persons_own(folder: Path) -> None:
+    (folder / JOB_SCENE).write_text('{"shapes": []}')
+    (folder / "a_bad.json").write_text('{"shapes": [{"type": "box"}]}')
+    (folder / "z.json").write_text('{"shapes": []}')
+    opened = open_path(str(folder))
+    assert (opened.scene, Path(opened.scene_file).name) == (BOX, "scene.json")
+    skipped = dict(opened.skipped)
+    assert "size" in skipped["a_bad.json"]
+    assert "scene.json" in skipped["z.json"]
+    assert "scene.json" not in skipped
+    (folder / "scene.json").unlink()
+    (folder / "z.json").unlink()
+    assert open_path(str(folder)).scene is None
+
+
+def test_data_of_another_built_in_robot_are_left_out(folder: Path) -> None:
+    q = np.zeros((50, 6))
+    own = RecordMetadata(robot="ur10e", origin="test")
+    write_record(
+        ExperimentRecord(t=np.arange(50) / 125, signals={"q": q}, metadata=own),
+        folder / "ten.parquet",
+    )
+    assert dict(open_path(str(folder)).skipped)["ten.parquet"] == "of ur10e, not ur5"
+    session = Session(open_path(str(folder)))
+    with pytest.raises(InputError, match="another robot"):
+        session.open(folder / "ten.parquet")
+
+
+def test_a_verdict_is_that_of_the_scene_and_motion_as_they_are(folder: Path) -> None:
+    write_motion(folder / "second.json")
+    session = Session(open_path(str(folder)))
+    assert session.unjudged
+    session.certify()
+    assert not session.unjudged
+    session.editor.add("floor")
+    assert session.unjudged
+    session.judge()
+    session.certify()
+    session.choose("second.json")
+    assert session.unjudged
+    session.choose("")
+    assert not session.unjudged

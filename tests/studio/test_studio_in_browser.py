@@ -329,6 +329,60 @@ def test_a_visitor_edits_an_empty_scene(
     visit.check()
 
 
+@pytest.mark.parametrize(("width", "height"), [(1366, 600), (390, 844)])
+def test_a_small_window_shows_the_question_and_stop(
+    browser: Any, studio: tuple[Page, str], width: int, height: int
+) -> None:
+    session = studio[0].session
+    session.choose("motion.json")
+    visit = Visit(browser, studio[1], width)
+    visit.page.set_viewport_size({"width": width, "height": height})
+    visit.step("Run")
+    before = session.job
+    with controller_process("ur5", host=own_address(), virtual_time=True) as controller:
+        visit.page.get_by_label("Robot").fill(f"ur://{controller.host}")
+        visit.primary(f"Run on {controller.host}")
+        word = visit.page.get_by_label(f"Type {controller.host}")
+        word.wait_for()
+        for shown in (word, visit.page.locator("#stop"), visit.page.locator("#primary")):
+            until(lambda shown=shown: _inside(shown.bounding_box(), width, height), visit)
+        button = visit.page.locator("#primary")
+        assert button.is_disabled()
+        word.fill("another")
+        assert button.is_disabled()
+        word.fill(controller.host)
+        assert button.is_enabled()
+        visit.page.locator("#stop").click()
+        until(lambda: session.job is not before and session.job.state.ended, visit)
+    assert session.job is not None
+    assert "stopped" in str(session.job.state.error)
+    visit.check()
+    visit.page.close()
+
+
+def _inside(box: Any, width: int, height: int) -> bool:
+    return (
+        box is not None
+        and box["x"] >= 0
+        and box["y"] >= 0
+        and box["x"] + box["width"] <= width
+        and box["y"] + box["height"] <= height
+    )
+
+
+def test_stop_arrives_from_one_of_many_tabs(browser: Any, studio: tuple[Page, str]) -> None:
+    context = browser.new_context()
+    tabs = [context.new_page() for _ in range(7)]
+    for tab in tabs:
+        tab.set_default_timeout(PATIENCE_MS)
+        tab.goto(studio[1])
+        tab.locator("#play").wait_for()
+    with tabs[-1].expect_response("**/do/stop") as answered:
+        tabs[-1].keyboard.press("Escape")
+    assert answered.value.ok
+    context.close()
+
+
 def test_a_run_beside_an_open_page_loses_no_sample_and_can_be_stopped(
     visited: Visited, studio: tuple[Page, str], folder: Path
 ) -> None:

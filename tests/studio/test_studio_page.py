@@ -17,6 +17,8 @@ from gentle import CYCLES, write_motion
 from dynid import read_estimate
 from dynid.core import DynidError, InputError, JsonFields
 from dynid.recording import read_record
+from dynid.robot import joint_poses
+from dynid.studio.jobs import Job, JobState
 from dynid.studio.page import Page
 from dynid.studio.session import free_name, open_path
 from dynid.trajectory import FourierSeries
@@ -209,3 +211,68 @@ def test_a_dropped_urdf_design_and_scene_are_opened(page: Page, tmp_path: Path) 
     assert not (tmp_path / "bad.urdf").exists()
     with pytest.raises(InputError, match="whole"):
         page.take_file("short.csv", io.BytesIO(b"1"), 9)
+    assert not list(tmp_path.glob("*.partial"))
+    with pytest.raises(DynidError):
+        drop(page, "estimate.json", b'{"format": "dynid-estimate"}')
+    assert not (tmp_path / "estimate.json").exists()
+    assert page.state()["estimates"] == []
+
+
+def test_a_motion_is_judged_anew_once_the_scene_is_left_alone(page: Page) -> None:
+    until(page, lambda: page.state()["verdict"] is not None)
+    assert page.state()["verdict"]["level"] == "good"
+    number = do(page, "add", kind="box")["number"]
+    wrist = joint_poses(page.session.robot, page.session.motion.at(0.0)[0])[4, :3, 3]
+    do(page, "place", number=number, position=wrist.tolist())
+    until(page, lambda: page.state()["verdict"]["level"] == "bad")
+    do(page, "remove", number=number)
+    until(page, lambda: page.state()["verdict"]["level"] == "good")
+
+
+class AskingJob:
+    """A run that waits for its word."""
+
+    pid = 0
+
+    def __init__(self, page: Page) -> None:
+        output = str(page.session.folder / "run.parquet")
+        self.job = Job(kind="run", source="motion.json", output=output, options={})
+        self.state = JobState(ask="Move?", word="host")
+        self.heard: list[str] = []
+
+    def answer(self, word: str) -> None:
+        self.heard.append(word)
+
+    def stop(self) -> None:
+        self.heard.append("STOP")
+
+    def close(self) -> None:
+        """Nothing runs."""
+
+
+def test_no_robot_moves_in_a_scene_that_was_changed_after_the_question(
+    page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = AskingJob(page)
+    monkeypatch.setattr("dynid.studio.session.Supervisor", lambda _: job)
+    asked = {"target": "sim", "repeat": 1, "slow": False, "file": "run.parquet"}
+    do(page, "run", **asked)
+    do(page, "answer", word="host")
+    do(page, "add", kind="box")
+    with pytest.raises(InputError, match="scene has changed"):
+        do(page, "answer", word="host")
+    assert job.heard == ["host", "STOP"]
+
+
+def test_a_disc_that_fails_ends_a_job_and_not_the_page(
+    page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = AskingJob(page)
+    monkeypatch.setattr("dynid.studio.session.Supervisor", lambda _: job)
+    do(page, "run", target="sim", repeat=1, slow=False, file="run.parquet")
+    job.state = JobState(ended=True, result={"words": "", "level": "good", "record": "gone"})
+    monkeypatch.setattr(page.session, "open", lambda path: path.read_bytes())
+    page.step(time.monotonic())
+    assert ended(page)
+    assert page.state()["job"]["level"] == "bad"
+    assert "No such file" in page.state()["job"]["words"]

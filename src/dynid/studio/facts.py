@@ -337,12 +337,9 @@ def _facts(item: ReportedEstimate) -> dict[str, Any]:
     found["basis"] = "the recording it was made from" if own else "another recording"
     start = estimate.settings.start_s if own else None
     t, measured, predicted = thinned(shown.t + (start or 0.0), shown.measured, shown.predicted)
-    found["prediction"] = {
-        "title": "Torque",
-        "unit": "N·m",
-        "series": [_series("measured", measured), _series("predicted", predicted)],
-        "t": encoded(t),
-    }
+    group = _group("effort", any(robot.prismatic), "measured", measured)
+    group["series"].append(_series("predicted", predicted))
+    found["prediction"] = group | {"t": encoded(t)}
     return found
 
 

@@ -275,8 +275,10 @@ class ParentTalk:
         """Let the person at the page type a word before anything moves."""
         self.say({"ask": what, "word": word})
         answer = self._answers.get()
+        if answer is None:
+            raise KeyboardInterrupt  # where SIGINT is handled otherwise
         if answer != word:
-            raise InputError("the motion was not confirmed", value=answer or "", limit=word)
+            raise InputError("the motion was not confirmed", value=answer, limit=word)
 
     def _listen(self) -> None:
         # What cannot be understood, as of a page that died, may have been a stop.
@@ -286,9 +288,10 @@ class ParentTalk:
                 if "answer" not in message:
                     break
                 self._answers.put(str(message["answer"]))
-        self._answers.put(None)
         # The same wish as Ctrl-C: drivers and searches know how to end in good order.
         os.kill(os.getpid(), signal.SIGINT)
+        # Who waits for an answer is awake then, and meets the interrupt.
+        self._answers.put(None)
 
 
 def main() -> int:

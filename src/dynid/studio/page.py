@@ -36,6 +36,8 @@ TOLD = ("what", "share", "ask", "word", "stopping", "history")
 """What the page hears of a job's state."""
 ROBOT_FILES = (".urdf", ".toml")
 _TICK_S = 0.1
+_QUIET_S = 0.4
+"""A scene that is being dragged about is not judged as a whole."""
 _TICK_WHILE_RUNNING_S = 0.2
 """A recording needs the machine more than the page does."""
 
@@ -46,6 +48,7 @@ class Page:
     def __init__(self, opened: Opened) -> None:
         self._open(opened)
         self._changed = threading.Condition()
+        self._following = threading.Lock()
         self._told, self._version = "", 0
         self._done: Supervisor | None = None
         self._ending: dict[str, Any] = {}
@@ -77,11 +80,12 @@ class Page:
         self.meshes = robot_meshes(opened.robot, self.notes)
         self._results_known: list[dict[str, Any]] = []
         self._opening = time.monotonic_ns()
+        self._asked_changes = 0
+        self._seen_changes, self._quiet_since = -1, 0.0
+        self._certifier: threading.Thread | None = None
 
     def run(self, stop: threading.Event) -> None:
         """Keep the news up to date until `stop` is set."""
-        # The first certificate compiles for seconds on a new machine: visitors need not wait.
-        threading.Thread(target=self.session.certify, daemon=True).start()
         while not stop.is_set():
             busy = self.step(time.monotonic())
             stop.wait(_TICK_WHILE_RUNNING_S if busy else _TICK_S)
@@ -93,13 +97,33 @@ class Page:
     def step(self, clock: float) -> bool:
         """Follow the job and tell what is new; whether one runs. The clock is `time.monotonic`."""
         job = self.session.job
-        if job is not None and job is not self._done:
-            self._follow(job, job.state, clock)
+        # Whoever comes second need not wait: the first one tells.
+        if job is not None and self._following.acquire(blocking=False):
+            try:
+                if job is not self._done:
+                    self._follow(job, job.state, clock)
+            finally:
+                self._following.release()
         with contextlib.suppress(DynidError):
             # A scene without room is said in the state.
             self.session.judge()
+        busy = job is not None and job is not self._done
+        self._certify(clock, busy)
         self._tell()
-        return job is not None and job is not self._done
+        return busy
+
+    def _certify(self, clock: float, busy: bool) -> None:
+        """Judge the motion anew once the scene has been left alone for a while."""
+        changes = self.session.editor.changes
+        if changes != self._seen_changes:
+            self._seen_changes, self._quiet_since = changes, clock
+        waits = clock - self._quiet_since < _QUIET_S
+        judging = self._certifier is not None and self._certifier.is_alive()
+        if busy or waits or judging or not self.session.unjudged:
+            return
+        # The first certificate compiles for seconds on a new machine: visitors need not wait.
+        self._certifier = threading.Thread(target=self.session.certify, daemon=True)
+        self._certifier.start()
 
     def _tell(self) -> None:
         # One thread at a time: a state that was read earlier is never told later.
@@ -191,16 +215,18 @@ class Page:
         path = session.folder / free_name(
             session.folder, file_in(session.folder, name, suffix).name
         )
-        partial = path.with_name(path.name + ".partial")
+        # Two visitors may drop files of one name.
+        partial = path.with_name(f"{path.name}.{threading.get_native_id()}.partial")
         try:
-            with partial.open("xb") as file:
+            with partial.open("wb") as file:
                 _copy(stream, file, length)
             partial.rename(path)
         except OSError as error:
-            partial.unlink(missing_ok=True)
             raise JobError(
                 "the file cannot be kept", where=path.name, value=error.strerror
             ) from error
+        finally:
+            partial.unlink(missing_ok=True)
         try:
             words = self._take(path, suffix)
         except DynidError:
@@ -213,7 +239,6 @@ class Page:
         session = self.session
         if suffix in ROBOT_FILES:
             self._open(open_path(str(path)))
-            threading.Thread(target=self.session.certify, daemon=True).start()
             return f"{self.session.robot.name} is shown"
         kind = kind_of(path) if suffix == ".json" else ""
         if kind == "design":
@@ -221,8 +246,11 @@ class Page:
             self.session.certify()
             return f"{path.name} is open"
         if kind == "estimate":
+            found = judged_estimates(session.folder, None)
+            if printable(path.name, 120) not in [item["name"] for item in found]:
+                raise InputError("this estimate cannot be evaluated", where=path.name)
             session.estimates.append(path)
-            self._results(None)
+            self._results_known = found
             return f"{path.name} is judged"
         if kind == "scene":
             with session.lock:
@@ -290,6 +318,7 @@ class Page:
 
     def _design(self, asked: JsonFields) -> None:
         session = self.session
+        session.check_idle()
         options: dict[str, Any] = {
             "criterion": asked.text("criterion"),
             "period_s": asked.number("period_s"),
@@ -306,6 +335,8 @@ class Page:
         chosen = session.motions.get(session.motion.name)
         if chosen is None or chosen.trajectory is None:
             raise InputError("choose a design first", value=session.motion.name)
+        session.check_idle()
+        self._asked_changes = session.editor.changes
         options = {
             "repeat": asked.whole("repeat"),
             "slow": 0.2 if asked.get("slow") is True else None,
@@ -329,8 +360,16 @@ class Page:
         self._start("identify", chosen.path, asked.text("file"), options)
 
     def _answer(self, asked: JsonFields) -> None:
-        if self.session.job is not None:
-            self.session.job.answer(asked.text("word").strip())
+        session = self.session
+        if session.job is None:
+            return
+        if session.job.job.kind == "run" and session.editor.changes != self._asked_changes:
+            session.job.stop()
+            raise InputError(
+                "the scene has changed since the run was asked for: nothing moves",
+                next_step="Run again.",
+            )
+        session.job.answer(asked.text("word").strip())
 
     def _stop(self) -> None:
         if self.session.job is not None:
@@ -357,16 +396,20 @@ class Page:
             self._tail = facts.tail_facts(record, self.session.robot)
         if not state.ended:
             return
-        self._done, self._reader, self._tail = job, None, None
-        self._ending = {"words": state.error or "", "level": "bad" if state.error else "good"}
-        result = state.result
-        if result is None:
-            return
-        try:
-            self._ending = {"words": result["words"], "level": result["level"]}
-            self._take_result(job.job, result)
-        except DynidError as error:
-            self._ending = {"words": error.line, "level": "bad"}
+        ending: dict[str, Any] = {
+            "words": state.error or "",
+            "level": "bad" if state.error else "good",
+        }
+        if (result := state.result) is not None:
+            ending = {"words": result["words"], "level": result["level"]}
+            try:
+                self._take_result(job.job, result)
+            except (DynidError, OSError) as error:
+                said = error.line if isinstance(error, DynidError) else str(error)
+                ending = {"words": said, "level": "bad"}
+        # Told when its result is there: what comes next is asked for at once.
+        self._ending, self._reader, self._tail = ending, None, None
+        self._done = job
 
     def _take_result(self, job: Job, result: dict[str, Any]) -> None:
         session = self.session

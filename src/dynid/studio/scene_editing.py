@@ -107,6 +107,7 @@ class SceneEditor:
     def place(self, number: int, pose: Array) -> None:
         """Move a shape to a pose (4, 4); a floor only goes up and down, a sphere does not turn."""
         item = self._item(number)
+        before = copy.deepcopy(item)
         position = _rounded(pose[:3, 3])
         kind = item["type"]
         if kind == "floor":
@@ -117,7 +118,7 @@ class SceneEditor:
             item["position"] = position
             if kind != "sphere":
                 item["rpy"] = _rounded(roll_pitch_yaw(pose[:3, :3]))
-        self.changes += 1
+        self._keep(number, before)
 
     def sizes(self, number: int) -> dict[str, float]:
         """The sizes that a shape has, by the names of `DIMENSIONS` [m]."""
@@ -139,6 +140,10 @@ class SceneEditor:
             item["size"]["xyz".index(axis)] = float(value)
         else:
             item[word] = float(value)
+        self._keep(number, before)
+
+    def _keep(self, number: int, before: dict[str, Any]) -> None:
+        """Count a change, unless it makes no shape: what was there before is put back then."""
         try:
             self.shape(number)
         except InputError:

@@ -18,7 +18,6 @@ import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
-from http.cookies import CookieError, SimpleCookie
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from typing import Any, cast
@@ -128,11 +127,12 @@ def _names_this_machine(host: str) -> bool:
 
 
 def _cookie(text: str, name: str) -> str:
-    try:
-        found = SimpleCookie(text).get(name)
-    except CookieError:
-        return ""
-    return "" if found is None else found.value
+    # By hand: one odd cookie of another program on this machine makes http.cookies read none.
+    for part in text.split(";"):
+        key, _, value = part.strip().partition("=")
+        if key == name:
+            return value
+    return ""
 
 
 def _same(given: str, token: str) -> bool:
@@ -165,6 +165,10 @@ _HEADERS = {
 _PATIENCE_S = 30.0
 """How long a visitor may say nothing within a request."""
 _HEARTBEAT_S = 5.0
+MOST_STREAMS = 4
+"""News that last. A browser opens six connections to a server, for all its tabs: STOP needs one."""
+_RETRY_MS = 1000
+"""When the others ask again."""
 _NICE = 10
 
 
@@ -182,11 +186,13 @@ class Server(ThreadingHTTPServer):
 
     daemon_threads = True
     allow_reuse_address = True
+    request_queue_size = 128
 
     def __init__(self, policy: AccessPolicy, port: int | None, page: Page) -> None:
         self.address_family = socket.AF_INET6 if ":" in policy.host else socket.AF_INET
         self.policy, self.page = policy, page
         self.closing = threading.Event()
+        self.streams = threading.Semaphore(MOST_STREAMS)
         first = DEFAULT_PORT if port is None else port
         failure: Exception | None = None
         for candidate in range(first, first + (51 if port is None else 1)):
@@ -306,12 +312,19 @@ class _Visit(BaseHTTPRequestHandler):
 
     def _tell_news(self) -> None:
         self._head(200, "text/event-stream", {})
-        page, seen = self._site.page, -1
-        while not self._site.closing.is_set():
-            told, seen = page.news(seen, _HEARTBEAT_S)
-            # A comment, so that a page that is gone is noticed.
-            self.wfile.write(f"data: {told}\n\n".encode() if told else b":\n\n")
-            self.wfile.flush()
+        site, seen, lasts = self._site, -1, self._site.streams.acquire(blocking=False)
+        try:
+            while not site.closing.is_set():
+                told, seen = site.page.news(seen, _HEARTBEAT_S)
+                # A comment, so that a page that is gone is noticed.
+                news = f"retry: {_RETRY_MS}\n" + (f"data: {told}\n\n" if told else ":\n\n")
+                self.wfile.write(news.encode())
+                self.wfile.flush()
+                if not lasts:
+                    return
+        finally:
+            if lasts:
+                site.streams.release()
 
     def _send(
         self, status: int, body: bytes, kind: str, more: dict[str, str] | None = None

@@ -17,9 +17,9 @@ from dynid.constraints import Certificate, MotionConstraints, Worst, certify
 from dynid.core import Array, DynidError, InputError, load_object, printable
 from dynid.identification import FORMAT
 from dynid.recording import ExperimentRecord, read_record
-from dynid.robot import RobotModel, load_robot
+from dynid.robot import RobotModel, builtin_names, load_robot
 from dynid.studio.jobs import Job, Supervisor
-from dynid.studio.scene_editing import Near, SceneEditor, instant
+from dynid.studio.scene_editing import Near, SceneEditor, instant, open_scene
 from dynid.trajectory import Trajectory
 from dynid.workflow import DesignLimits, read_design, truth_path
 
@@ -186,8 +186,11 @@ def _files(paths: list[Path], folder: Path, robot: str | None, *, strict: bool) 
         try:
             if kind == "estimate":
                 estimates.append(path)
-            elif kind == "scene" and scene is None:
-                scene, scene_file = load_object(path).values, str(path)
+            elif kind == "scene":
+                if scene is not None:
+                    skipped.append((path.name, f"the scene is that of {Path(scene_file).name}"))
+                elif path.name != JOB_SCENE:
+                    scene, scene_file = open_scene(path).to_json(), str(path)
             elif kind in ("design", "recording"):
                 opened = open_motion(path, robot)
                 if model is None:
@@ -205,11 +208,10 @@ def _files(paths: list[Path], folder: Path, robot: str | None, *, strict: bool) 
         model = load_robot(reference)
     kept: list[OpenMotion] = []
     for item in motions:
-        joints = len(item.at(0.0)[0])
-        if joints == model.joints:
-            kept.append(item)
+        if reason := _of_another(item, model, reference):
+            skipped.append((item.path.name, reason))
         else:
-            skipped.append((item.path.name, f"{joints} joints, not {model.joints}"))
+            kept.append(item)
     known = [item.limits for item in kept if item.limits]
     limits = next((item for item in known if item.scene), known[0] if known else DesignLimits())
     if scene is None:
@@ -225,6 +227,16 @@ def _files(paths: list[Path], folder: Path, robot: str | None, *, strict: bool) 
         limits=limits,
         skipped=tuple(skipped),
     )
+
+
+def _of_another(motion: OpenMotion, robot: RobotModel, reference: str) -> str:
+    """Why a motion is not one of this robot; nothing if it may be."""
+    joints, known = len(motion.at(0.0)[0]), builtin_names()
+    if joints != robot.joints:
+        return f"{joints} joints, not {robot.joints}"
+    # Files of robots have any names, and may have moved.
+    others = motion.reference != reference and {motion.reference, reference} <= set(known)
+    return f"of {motion.reference}, not {reference}" if others else ""
 
 
 def file_in(folder: Path, name: str, suffix: str) -> Path:
@@ -289,6 +301,7 @@ class Session:
         self.limits = opened.limits
         self.constraints: MotionConstraints | None = None
         self.verdict = ShownVerdict()
+        self._certifying = threading.Lock()
         self.job: Supervisor | None = None
         self.motion = held(_middle(opened))
         self._judged = -1
@@ -338,14 +351,8 @@ class Session:
     def open(self, path: Path) -> str:
         """Open a file that a job has made, and choose it; its name."""
         found = open_motion(path)
-        joints = len(found.at(0.0)[0])
-        if joints != self.robot.joints:
-            raise InputError(
-                "this is of another robot",
-                where=path.name,
-                value=f"{joints} joints",
-                limit=self.robot.joints,
-            )
+        if reason := _of_another(found, self.robot, self.reference):
+            raise InputError("this is of another robot", where=path.name, value=reason)
         with self.lock:
             self.motions[found.name] = found
             self.choose(found.name)
@@ -362,19 +369,28 @@ class Session:
 
     def certify(self) -> ShownVerdict:
         """Judge the whole motion in the scene, if it is a design's; the verdict is kept."""
-        with self.lock:
-            motion, constraints, changes = self.motion, self.constraints, self.editor.changes
-        if motion.trajectory is None:
+        # One after the other: the last verdict is that of what was chosen last.
+        with self._certifying:
+            with self.lock:
+                motion, constraints, changes = self.motion, self.constraints, self.editor.changes
+            if motion.trajectory is None or not self.unjudged:
+                return self.verdict
+            certificate, said = None, ""
+            try:
+                if constraints is None or self.scene_error:
+                    raise InputError(self.scene_error or "the robot's limits contradict each other")
+                certificate = certify(motion.trajectory, constraints)
+            except DynidError as error:
+                said = error.line
+            self.verdict = ShownVerdict(certificate, said, motion.name, changes)
             return self.verdict
-        certificate, said = None, ""
-        try:
-            if constraints is None or self.scene_error:
-                raise InputError(self.scene_error or "the robot's limits contradict each other")
-            certificate = certify(motion.trajectory, constraints)
-        except DynidError as error:
-            said = error.line
-        self.verdict = ShownVerdict(certificate, said, motion.name, changes)
-        return self.verdict
+
+    @property
+    def unjudged(self) -> bool:
+        """Whether the motion is a design's that has no verdict in the scene as it is."""
+        return self.motion.trajectory is not None and (
+            self.stale or self.verdict.motion != self.motion.name
+        )
 
     @property
     def stale(self) -> bool:
@@ -384,6 +400,12 @@ class Session:
     def save_scene(self, name: str) -> Path:
         """Write the scene into the studio's folder; where it is."""
         path = file_in(self.folder, name, ".json")
+        if path.exists() and kind_of(path) != "scene":
+            raise InputError(
+                "the file is no scene, and nothing else is replaced",
+                where=path.name,
+                next_step="Name another file.",
+            )
         with self.lock:
             self.judge()
             if self.scene_error:

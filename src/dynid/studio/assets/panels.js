@@ -129,19 +129,25 @@ function jobView(app, kinds) {
   const own = job && (kinds.includes(job.kind) || (job.kind === "import" && (!job.ended || job.level === "bad")));
   const words = app.words || (own && job.ended ? { text: job.words, level: job.level } : null);
   const facts = [words, own && !job.ended && [job.kind, job.ask, job.stopping], app.step, fresh(app, "design")];
+  const shown = $("job");
   const node = region("job", facts, () => {
     const box = h("div", { id: "job", "aria-live": "polite" });
     if (own && !job.ended) {
       box.append(h("p"), h("progress", { max: 1, "aria-label": "Progress" }));
       if (job.ask) {
         typed.word = "";
-        box.append(h("p", { class: "warn", text: job.ask }), field(`Type ${job.word}`, "word", { autocomplete: "off", spellcheck: "false" }));
+        box.append(h("p", { class: "warn ask", text: job.ask }), field(`Type ${job.word}`, "word", { autocomplete: "off", spellcheck: "false", after: () => app.render() }));
       } else if (job.kind === "design") box.append(h("button", { class: "quiet wide", text: "Stop, keep the best", onclick: () => app.do("stop") }));
     } else if (words && words.text) box.append(h("p", { class: words.level, text: words.text }));
     if (fresh(app, "design") && app.step === "design") box.append(h("button", { class: "quiet wide", text: "Search again", onclick: () => design.search(app) }));
     return box;
   });
   if (!node.isConnected) $("job").replaceWith(node);
+  // What is asked for may lie below what a small window shows.
+  if (node !== shown && $("f-word")) {
+    $("f-word").focus({ preventScroll: true });
+    $("f-word").scrollIntoView({ block: "center" });
+  }
   if (own && !job.ended) {
     set(node.children[0], job.stopping ? "stopping" : job.what);
     node.children[1].value = job.share;
@@ -159,7 +165,7 @@ function fresh(app, kind) {
 }
 const busy = (app) => Boolean(app.state.job && !app.state.job.ended);
 const running = (app, kind) => busy(app) && app.state.job.kind === kind;
-const waits = (app) => ({ run: "The robot runs", design: "Searching", identify: "Identifying", import: "Reading a log" })[app.state.job.kind];
+const waits = (app) => (app.state.job.ask ? "Waiting for confirmation in Run" : { run: "The robot runs", design: "Searching", identify: "Identifying", import: "Reading a log" }[app.state.job.kind]);
 
 function sceneEditor(app) {
   const { shapes } = app.scene, shape = shapes.find((one) => one.number === app.chosen);
@@ -273,7 +279,7 @@ const run = {
     const job = app.state.job, asks = running(app, "run") && job.ask;
     const design = app.state.motions.some((m) => m.design && m.name === app.state.motion);
     this.next = fresh(app, "run");
-    if (asks) primary("Move the robot");
+    if (asks) primary("Move the robot", typed.word.trim() === job.word);
     else if (busy(app)) primary(waits(app), false);
     else if (this.next) primary("Continue to identify");
     else primary(typed.target.trim() === "sim" ? "Run the simulated robot" : `Run on ${typed.target.replace("ur://", "")}`, design);

@@ -7,6 +7,7 @@ import { steps, h } from "/panels.js";
 const $ = (id) => document.getElementById(id);
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const RUN_FRAME_MS = 120;
+const CUT_MS = 2500;
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
 
 export const app = {
@@ -59,13 +60,33 @@ async function start() {
   listen();
   tint();
   take(await look("state"));
-  const news = new EventSource("/news");
+  hear();
+  document.addEventListener("visibilitychange", hear);
+  requestAnimationFrame(frame);
+}
+// A tab that nobody sees keeps no connection: a browser has six for all tabs, and STOP needs one.
+let news = null, lost = 0;
+function hear() {
+  if (news) news.close();
+  clearTimeout(lost);
+  lost = 0;
+  news = null;
+  if (document.hidden) return;
+  news = new EventSource("/news");
   news.onmessage = (event) => take(JSON.parse(event.data));
-  news.onopen = news.onerror = (event) => {
-    app.cut = event.type === "error";
+  news.onopen = () => {
+    clearTimeout(lost);
+    lost = 0;
+    app.cut = false;
     render();
   };
-  requestAnimationFrame(frame);
+  news.onerror = () => {
+    // Where there are many tabs, each asks anew every second.
+    lost ||= setTimeout(() => {
+      app.cut = true;
+      render();
+    }, CUT_MS);
+  };
 }
 
 let taking = Promise.resolve();
@@ -115,8 +136,9 @@ async function follow(state) {
   judge(true);
 }
 
-// The step that is next for what lies in the folder.
+// The step of the job that is there, or the one that is next for what lies in the folder.
 function first(state) {
+  if (state.job && !state.job.ended) return state.job.kind === "import" ? "identify" : state.job.kind;
   if (state.estimates.length) return "use";
   if (state.motions.some((m) => !m.design)) return "identify";
   return state.motions.some((m) => m.design) ? "run" : "design";
