@@ -146,5 +146,5 @@ def test_a_joint_that_stands_still_takes_nothing_from_the_others() -> None:
     judged = verdict(result)
     assert (judged.prediction.answer, judged.parameters.answer) == ("limits", "no")
     assert "only for motions like these" in judged.prediction.reason
-    assert "expected to predict such motions'" in judged.prediction.reason
+    assert "expected to predict torques of such motions" in judged.prediction.reason
     assert "other motions" not in judged.prediction.reason

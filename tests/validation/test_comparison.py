@@ -138,6 +138,11 @@ def test_one_recording_and_other_shapes_are_told() -> None:
     assert compare(first, second).warnings == ()
     (told,) = compare(first, replace(second, settings=base.settings)).warnings
     assert told.kind == "same_record"
+    assert "settings" in told.text
+    rows = {"record": "4567", "start_s": 0.0, "stop_s": 6.0}
+    again = replace(made, settings={**made.settings, "refit": rows})
+    (told,) = compare(first, replace(first, provenance=again)).warnings
+    assert (told.kind, "refitted" in told.text) == ("same_record", True)
     for same in (
         replace(base.model.friction, width=tuple([base.model.friction.width] * 6)),
         replace(base.model.friction, stribeck_velocity=0.3),

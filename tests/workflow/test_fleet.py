@@ -15,7 +15,7 @@ import pytest
 import dynid
 from dynid.bench import Plant, motion, plant
 from dynid.cli.app import main
-from dynid.identification import holm, repeated_motions, trend
+from dynid.identification import JointState, holm, judge, repeated_motions, trend
 from dynid.workflow import identify_files, report
 
 START = datetime(2026, 1, 5, tzinfo=UTC)
@@ -302,6 +302,38 @@ def test_false_alarms_come_at_the_stated_rate() -> None:
         band = 3 * np.sqrt(rate * (1 - rate) / count)
         assert np.mean(np.array(p_values) <= rate) == pytest.approx(rate, abs=band)
     assert holm([0.01, 0.04, 0.03]).tolist() == pytest.approx([0.03, 0.06, 0.06])
+
+
+def test_a_trace_of_the_control_does_not_make_friction_a_gain() -> None:
+    draw = np.random.default_rng(4)
+    time_s, none, std = DAY_S * np.arange(24.0), np.full(24, np.nan), np.full(24, 0.001)
+    late = np.arange(24) >= 15
+
+    def state(friction: float, control: float) -> JointState:
+        series = [
+            trend(time_s, 1 + share * late + draw.normal(0, 0.001, 24), std, none, 27.0)
+            for share in (friction, control)
+        ]
+        return JointState(
+            robot="a", joint=0, name="j", unit="N.m", reference_speed=1.0,
+            friction=series[0], control=series[1],
+        )  # fmt: skip
+
+    changes = ((0.26, -0.006), (0.3, 0.3), (0.3, 0.2), (0.0, 0.1))
+    states, tests = judge([state(*change) for change in changes], 0.05)
+    assert tests == 8
+    assert [one.alarm for one in states] == ["friction_drift", *["torque_scale"] * 3]
+
+
+def test_that_no_alarm_is_possible_is_told(data: Path, found: dynid.Fleet) -> None:
+    assert not [item for item in found.findings if item.kind == "not_diagnosed"]
+    strict = dynid.FleetSettings(false_alarms=1e-4)
+    (told,) = (
+        item
+        for item in dynid.fleet(data / "recordings", data / "strict", strict).findings
+        if item.kind == "not_diagnosed"
+    )
+    assert "arm a, arm b" in told.text
 
 
 def test_another_program_is_not_another_friction() -> None:

@@ -147,12 +147,13 @@ def _prediction(
         reason = poor[0].text if poor else "no other motion has confirmed it yet (--validate)"
         return Answer(answer=answer, reason=reason)
     beyond = float(np.sqrt(max(expected**2 - noise**2, 0.0)))
-    others = "such motions'" if poor else "other motions'"
-    what = "predicts another motion's" if confirmed else f"is expected to predict {others}"
+    others = "such motions" if poor else "other motions no faster than this one"
+    what = "another motion's torques" if confirmed else f"torques of {others}"
+    says = "predicts" if confirmed else "is expected to predict"
     known = min(noise, expected)
     shown = with_rests(f"{expected:.1f} %", f"{expected if whole is None else whole:.1f} %")
     parts = f"noise of {known:.1f} % and a model error of {beyond:.1f} % (their squares add)"
-    text = f"it {what} torques to {shown}, from {parts}"
+    text = f"it {says} {what} to {shown}, from {parts}"
     if beyond > USELESS_PREDICTION or (poor and beyond > GOOD_PREDICTION):
         reason = f"{text}; {poor[0].text}" if poor else text
         return Answer(answer="no", reason=reason, value=beyond, unit="%", limit=USELESS_PREDICTION)

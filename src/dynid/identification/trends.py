@@ -242,6 +242,11 @@ def holm(p_values: Sequence[float]) -> Array:
     return found
 
 
+FRICTION_ALONE = 3.0
+"""A drive gain that changes changes friction and control by the same share: from so many times the
+control's, the friction itself has changed."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointState:
     """A joint of one robot: its friction over time, and its inertias as a control."""
@@ -262,7 +267,7 @@ class JointState:
     """P value corrected for the whole fleet."""
     control_p: float = 1.0
     alarm: str = ""
-    """`friction_drift`; `torque_scale` where the control moved (too): drive gain, load or sensor,
+    """`friction_drift`; `torque_scale` where the control moved as well: drive gain, load or sensor,
     not friction alone; empty for none."""
 
     @property
@@ -273,6 +278,14 @@ class JointState:
         size = 100.0 / max(abs(self.friction.before), 1e-12)
         step, width = size * self.friction.change, size * CONFIDENCE * self.friction.change_std
         return step, step - width, step + width
+
+    @property
+    def friction_alone(self) -> bool:
+        """Whether friction changed by so much more than the control that no gain explains it."""
+        if self.friction is None or self.control is None:
+            return self.friction is not None
+        friction, control = (abs(one.change / one.before) for one in (self.friction, self.control))
+        return bool(friction > FRICTION_ALONE * control)
 
     @property
     def now(self) -> float:
@@ -310,8 +323,10 @@ def judge(joints: Sequence[JointState], false_alarms: float) -> tuple[tuple[Join
     for k, joint in enumerate(joints):
         friction = float(corrected.get((k, "friction"), 1.0))
         control = float(corrected.get((k, "control"), 1.0))
-        alarm = "torque_scale" if control <= false_alarms else ""
-        if not alarm and friction <= false_alarms:
+        alarm = ""
+        if friction <= false_alarms and (control > false_alarms or joint.friction_alone):
             alarm = "friction_drift"
+        elif control <= false_alarms:
+            alarm = "torque_scale"
         judged.append(replace(joint, friction_p=friction, control_p=control, alarm=alarm))
     return tuple(judged), len(tested)

@@ -237,9 +237,10 @@ def comparison_warnings(a: Estimate, b: Estimate) -> tuple[Finding, ...]:
         message = "the drive gains differ; parameters from currents are scaled by them"
         found.append(Finding("unit_suspect", message))
     if _same_rows(a, b):
-        message = (
-            "both are of one recording: their deviations are not independent, and what moved did "
-            "so by the settings"
+        again = a.provenance.settings.get(REFIT) != b.provenance.settings.get(REFIT)
+        message = "both are of one recording: their deviations are not independent, and what moved "
+        message += (
+            "is friction, which was refitted to another one" if again else "did so by the settings"
         )
         found.append(Finding("same_record", message))
     else:
@@ -346,7 +347,7 @@ GROUPS = ("inertial", "coulomb", "viscous", "motor")
 FALSE_ALARM = 0.01
 """Chance that a group in which nothing moved is said to have moved."""
 _SYMBOLS = {
-    **dict.fromkeys(("Fc", "Fca", "Fs", "Fcm"), "coulomb"),
+    **dict.fromkeys(("Fc", "Fca", "Fs", "Fl", "Fcm"), "coulomb"),
     **dict.fromkeys(("Fv", "Fva", "Fr", "Fvm"), "viscous"),
     **dict.fromkeys(("Im", "Imm"), "motor"),
     "Fo": "offset",

@@ -171,6 +171,7 @@ def fleet(
         tests=tests,
         findings=(
             *_missing(recordings, asked.reference_degC),
+            *_unreachable(judged, tests / asked.false_alarms),
             *(_alarm(joint) for joint in judged if joint.alarm),
         ),
     )
@@ -256,6 +257,16 @@ def _missing(recordings: Sequence[FleetRecording], reference_degC: float | None)
         )
         found.append(Finding("not_diagnosed", text, value=float(len(few))))
     return found
+
+
+def _unreachable(joints: Sequence[identification.JointState], family: float) -> list[Finding]:
+    """Robots without alarms whatever happens; the family is all tests over the false alarms."""
+    sizes = {one.robot: len(one.friction.std) for one in joints if one.friction is not None}
+    # Of n recordings in all orders, n over n/2 have different ones before and after a step.
+    few = [name for name, size in sizes.items() if math.comb(size, size // 2) < family]
+    text = f"no change of {', '.join(few[:3])} can raise an alarm yet: too few recordings for"
+    text += " so many trends"
+    return [Finding("not_diagnosed", text, value=float(len(few)))] if few else []
 
 
 @one_thread()
