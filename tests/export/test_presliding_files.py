@@ -197,7 +197,10 @@ def test_files_say_how_it_is_called_and_others_do_not_have_it(tmp_path: Path) ->
         assert "needs the past" not in text
         assert "presliding" not in write_model(plain, tmp_path / to, to).path.read_text()
     for to in ("urdf", "mjcf"):
-        text = write_model(estimate, tmp_path / to, to).path.read_text()
+        done = write_model(estimate, tmp_path / to, to)
+        (told,) = (item for item in done.warnings if item.kind == "extrapolated")
+        assert "after reversals comes on top" in told.text
+        text = done.path.read_text()
         assert "Its presliding needs the past" in text
 
 

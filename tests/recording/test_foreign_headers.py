@@ -12,7 +12,7 @@ import pytest
 from recorded_motions import ALPHABETICAL, UR_JOINTS, Motion
 
 from dynid.core import RecordError
-from dynid.recording import read_recording
+from dynid.recording import open_record, read_recording
 from dynid.robot import load_robot
 
 MOTION = Motion(samples=400)
@@ -626,6 +626,26 @@ def test_days_of_spreadsheets_and_matlab(tmp_path: Path, origin: int) -> None:
     record = read_recording(path)
     assert record.rate_hz == pytest.approx(125, rel=0.01)
     assert "days by their size" in record.problems[0].message
+
+
+@pytest.mark.parametrize("thousands", [1, 2, 3])
+def test_a_unit_that_the_rate_says_is_no_warning(tmp_path: Path, thousands: int) -> None:
+    t, q, _, effort = truth()
+    stamps = np.round((t - t[0]) * 1000.0**thousands)
+    path = write(tmp_path / "x.csv", ["IPOC", *named("q{}", "tau{}")], stamps, q, effort)
+    record = read_recording(path)
+    assert record.rate_hz == pytest.approx(125, rel=0.01)
+    (told,) = record.problems
+    assert (told.kind, told.severity) == ("time_unit", "info")
+
+
+def test_gains_of_a_recording_of_torques_are_told(tmp_path: Path) -> None:
+    t, q, _, effort = truth()
+    path = write(tmp_path / "x.csv", ["t", *named("q{}", "tau{}")], t, q, effort)
+    (told,) = open_record(path, load_robot("ur5"), [1.0] * 6).problems
+    assert (told.kind, told.severity) == ("gains_unused", "info")
+    path = write(tmp_path / "y.csv", ["t", *named("q{}", "current{}")], t, q, 0.01 * effort)
+    assert open_record(path, load_robot("ur5"), [1.0] * 6).problems == ()
 
 
 def test_files_that_both_have_the_time(tmp_path: Path) -> None:

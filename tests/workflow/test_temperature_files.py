@@ -87,6 +87,15 @@ def test_the_commands_take_a_temperature(
         return found
 
     assert error("--at", "20") < 0.7 * error()
+    assert main(["validate", str(file), str(record), "--at", "90", "--json"]) == 0
+    assert "extrapolated" in [
+        item["kind"] for item in json.loads(capsys.readouterr().out)["findings"]
+    ]
+    far = ["export", str(file), "--to", "json", "-o", str(tmp_path / "far.json"), "--at", "90"]
+    assert main([*far, "--json"]) == 0
+    assert "extrapolated" in [
+        item["kind"] for item in json.loads(capsys.readouterr().out)["findings"]
+    ]
     models: list[dict[str, Any]] = []
     for degC in ("20", "36"):
         out = tmp_path / f"{degC}.json"

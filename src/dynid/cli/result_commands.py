@@ -46,7 +46,7 @@ def export_command(
     json: ask.JsonFlag = False,
 ) -> None:
     """A model that other programs load, checked by loading it."""
-    from dynid.export import check_suffix, write_model
+    from dynid.export import AFTER_REVERSALS, check_suffix, write_model
     from dynid.figures import joint_unit
     from dynid.identification import open_estimate
 
@@ -80,6 +80,8 @@ def export_command(
             f"{joint_unit('N.m', result.model.robot.prismatic)}, RMS by joint over the recorded "
             "range."
         )
+        if any("presliding" in word for word in result.left_out):
+            screen.print(f"That is of sliding joints: {AFTER_REVERSALS}.")
     show.print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
 
 

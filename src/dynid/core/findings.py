@@ -29,6 +29,8 @@ KINDS: Mapping[str, tuple[str, str]] = {
     "identification_gains_nothing": ("weak_excitation", "info"),
     "ripple": ("ripple", "info"),
     "unwrapped": ("unit_suspect", "info"),
+    "time_unit": ("unit_suspect", "info"),
+    "gains_unused": ("unit_suspect", "info"),
     "aborted": ("aborted", "warning"),
     "same_record": ("over_fitted", "warning"),
     "other_shape": ("unit_suspect", "warning"),

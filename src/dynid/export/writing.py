@@ -373,6 +373,10 @@ def _gap(
     return read_only(np.sqrt(np.square(ours[:, : theirs.shape[1]] - theirs).mean(axis=0)))
 
 
+AFTER_REVERSALS = "friction that builds up after reversals comes on top, up to twice Coulomb's"
+"""What the RMS over single states does not hold: they have no past."""
+
+
 def _warnings(
     to: str, model: ExportModel, missing: tuple[tuple[str, ...], Array], known: Estimate
 ) -> tuple[Finding, ...]:
@@ -380,7 +384,9 @@ def _warnings(
     found = [
         finding
         for finding in known.warnings
-        if finding.code == "not_physical" or finding.severity == "error"
+        if finding.code == "not_physical"
+        or finding.kind == "extrapolated"
+        or finding.severity == "error"
     ]
     if not model.physical:
         found.append(
@@ -401,6 +407,8 @@ def _warnings(
             f"{what}: over the recorded range, the file's torques miss the prediction by RMS of"
             f" {joints}, in N.m or N; c, python and json hold all terms"
         )
+        if any("presliding" in word for word in words):
+            text += f"; {AFTER_REVERSALS}"
         found.append(Finding("extrapolated", text, joints=tuple(map(int, over))))
     return tuple(found)
 

@@ -11,7 +11,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar, cast
 
-from dynid.core import InputError, RecordError, UnclearRecordError, file_hash, like_named
+from dynid.core import (
+    Finding,
+    InputError,
+    RecordError,
+    UnclearRecordError,
+    file_hash,
+    like_named,
+)
 from dynid.recording.arrayfiles import read_frame, read_hdf5, read_json, read_mat, read_npz
 from dynid.recording.columns import parse_columns
 from dynid.recording.content import Budget, first_bytes, located, unreadable
@@ -331,7 +338,12 @@ def open_record(
             raise error.changed(next_step=step + command) from error
     if gains is None:
         return found
-    return replace(found, metadata=with_gains(found.metadata, robot.joints, gains))
+    told = found.problems
+    if "effort" in found.signals:
+        text = "the recording holds torques: the drive gains that were given are not used"
+        told = (*told, Finding("gains_unused", text))
+    metadata = with_gains(found.metadata, robot.joints, gains)
+    return replace(found, metadata=metadata, problems=told)
 
 
 def as_list(records: One | Sequence[One]) -> list[One]:

@@ -156,7 +156,8 @@ def validate_files(
         raise InputError("nothing to write without --refit", where="--output", value=str(output))
     known = open_estimate(estimate, at_degC)
     record = open_record(recording, known.model.robot, gains)
-    before = known.warnings
+    # What is new: of the refit, and of a temperature beyond the recordings.
+    before = known.warnings if at_degC is None else ()
     if refit is not None:
         known = _refitted(known, record, start_s, stop_s)
         if output is not None:

@@ -37,8 +37,9 @@ def settle_unit(table: RawTable) -> RawTable:
     table = replace(table, t=t * scale, time_scale=1.0, t0=stamp)
     if guessed and scale != 1.0:
         rate = 1.0 / (float(np.median(np.diff(t))) * scale)
+        # A robot's rate says which power of a thousand it is.
         table = table.report(
-            "unit_suspect",
+            "unit_suspect" if scale == _DAY else "time_unit",
             f"time stamps are in {_UNITS[scale]} by their size ({rate:.4g} Hz); converted to s",
         )
     step = float(np.median(np.diff(table.stamps)))
