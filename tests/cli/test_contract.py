@@ -147,11 +147,14 @@ def test_identify_and_validate(run: Run, recordings: Recordings, tmp_path: Path)
         "paper",
         "--weighting",
         "size",
+        "--for",
+        "this-motion",
         "--validate",
         recordings.validation,
         "--json",
     )
     assert "--weighting is not used by --estimator ols" in told.err
+    assert "--for is not used by --preset paper" in told.err
     data = told.json()
     assert data.keys() >= IDENTIFY_KEYS
     assert data["base_parameters"] == len(data["parameters"]) == 52

@@ -235,6 +235,8 @@ def identify_command(
     estimator = settings.estimator or ("ols" if settings.preset == "paper" else "wls")
     if settings.weighting != "joint" and estimator != "wls":
         print(f"dynid: --weighting is not used by --estimator {estimator}", file=sys.stderr)
+    if settings.purpose != "anywhere" and settings.preset == "paper":
+        print("dynid: --for is not used by --preset paper", file=sys.stderr)
     kept = None if output is None else Path(f"{output}.partial")
     with show.progress_bar("identify") as progress, ask.kept_in(kept):
         result = identify_files(
