@@ -15,7 +15,7 @@ from scipy import stats
 from dynid.core import Finding, InputError
 from dynid.identification import Estimate, write_estimate
 from dynid.reduction import reduce_model
-from dynid.regressor import InverseDynamicModel, parse_terms
+from dynid.regressor import InverseDynamicModel, LoadFriction, parse_terms
 from dynid.robot import load_robot, with_mount
 from dynid.signals import Samples
 from dynid.validation import ParameterComparison, compare, refit_friction
@@ -168,6 +168,18 @@ def other_model(**changes: object) -> Estimate:
         covariance=np.eye(found.rank),
         naive_std=np.ones(found.rank),
     )
+
+
+def test_friction_that_grows_with_the_load_is_friction() -> None:
+    parameters = tuple(np.linspace(1.0, 2.0, 60).tolist())
+    load = LoadFriction(joints=(1, 2), parameters=parameters)
+    base = other_model(friction=replace(estimate().model.friction, load=load))
+    at = [k for k, name in enumerate(base.names) if name.startswith("Fl")]
+    moved = np.ones(len(base.names))
+    moved[at] = 50.0
+    result = compare(base, replace(base, values=moved))
+    assert at
+    assert [found.name for found in result.groups if found.moved] == ["coulomb"]
 
 
 @pytest.mark.parametrize(
