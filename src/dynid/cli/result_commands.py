@@ -80,7 +80,7 @@ def export_command(
             f"{joint_unit('N.m', result.model.robot.prismatic)}, RMS by joint over the recorded "
             "range."
         )
-        if any("presliding" in word for word in result.left_out):
+        if result.left_out and result.model.presliding is not None:
             screen.print(f"That is of sliding joints: {AFTER_REVERSALS}.")
     show.print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
 

@@ -407,7 +407,7 @@ def _warnings(
             f"{what}: over the recorded range, the file's torques miss the prediction by RMS of"
             f" {joints}, in N.m or N; c, python and json hold all terms"
         )
-        if any("presliding" in word for word in words):
+        if words and known.model.friction.presliding:
             text += f"; {AFTER_REVERSALS}"
         found.append(Finding("extrapolated", text, joints=tuple(map(int, over))))
     return tuple(found)
