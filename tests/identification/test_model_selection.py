@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from known_robot import recording, ur5
 from scipy.optimize import nnls
+from scipy.spatial.transform import Rotation
 
 from dynid import identify
 from dynid.core import Array, InputError
@@ -47,7 +48,7 @@ from dynid.identification.selection.regions import find_regions, moving_rows
 from dynid.identification.selection.scoring import gain_of
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
-from dynid.robot import load_robot
+from dynid.robot import RobotModel, load_robot
 from dynid.signals import process
 from dynid.workflow import IdentifySettings
 from dynid.workflow.identify import gains_nothing
@@ -168,8 +169,19 @@ def test_a_reversal_is_motion_and_a_stop_is_rest() -> None:
     assert not moves[t > 5.2].any()
 
 
-def test_published_inertias_leave_friction_and_motor_inertia_alone() -> None:
-    base = reduce_model(InverseDynamicModel(robot=ur5()))
+def written_with(robot: RobotModel, decimals: int) -> RobotModel:
+    """The robot with rounded fixed rotations, as files write them."""
+    placements = robot.placements.copy()
+    for place in placements:
+        place[:3, :3] = Rotation.from_euler(
+            "xyz", Rotation.from_matrix(place[:3, :3]).as_euler("xyz").round(decimals)
+        ).as_matrix()
+    return replace(robot, placements=placements)
+
+
+@pytest.mark.parametrize("decimals", [16, 10, 7, 5, 3])
+def test_published_inertias_leave_friction_and_motor_inertia_alone(decimals: int) -> None:
+    base = reduce_model(InverseDynamicModel(robot=written_with(ur5(), decimals)))
     prior = published_prior(base)
     model, inertial = base.model, 60
     parameters = np.zeros(len(model.columns))

@@ -221,7 +221,8 @@ def published_prior(base: BaseParametrization) -> PublishedPrior:
     inertial, mapping = 10 * model.robot.joints, base_mapping(base)
     spread = metric_moves(to_pseudo_inertia(given.parameters))
     scale = np.linalg.norm(mapping[:, :inertial] @ spread, axis=1)
-    scale = np.where(scale > 0, scale, 1.0)
+    # Friction has its own unit: what rounding of a geometry adds to its rows is none.
+    scale = np.where(np.array(base.independent) < inertial, scale, 1.0)
     free = mapping[:, inertial:]
     left, values, _ = np.linalg.svd(free / scale[:, None])
     rank = int((values > 1e-9 * values.max(initial=0.0)).sum())
