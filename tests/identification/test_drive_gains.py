@@ -129,5 +129,5 @@ def test_what_is_missing_is_named(robot: RobotModel, record: ExperimentRecord) -
     short = ExperimentRecord(
         t=record.t, signals={name: values[:, :5] for name, values in record.signals.items()}
     )
-    with pytest.raises(InputError, match="another robot"):
+    with pytest.raises(InputError, match="5 joints but ur5 has 6"):
         identify_gains(short, robot)

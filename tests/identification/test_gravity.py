@@ -54,6 +54,19 @@ def test_gravity_is_predicted_better_than_published_and_within_intervals() -> No
     assert np.mean(held) > HELD
 
 
+def test_torques_that_are_not_those_of_gravity_are_doubted() -> None:
+    real = plant(arm("ur10e"), 3)
+    q, torque, _ = poses(real, 3, 60)
+    assert gravity_of(real.robot, q, torque).warnings == ()
+    turned = torque * np.array([1.0, -1.0, 1.0, 1.0, 1.0, 1.0])
+    (found,) = gravity_of(real.robot, q, turned).warnings
+    assert (found.kind, found.joints) == ("reversed", (1,))
+    held = torque - gravity_of(real.robot, q, torque).predict(q)
+    (found,) = gravity_of(real.robot, q, held).warnings
+    assert found.kind == "gravity_compensated"
+    assert {1, 2} <= set(found.joints)
+
+
 @pytest.fixture(scope="module")
 def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
     real = plant(arm("ur5"), 0)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynid.core import RecordError
+from dynid.core import InputError, RecordError
 from dynid.recording import ExperimentRecord, check_channels, checked_records, read_recording
 
 
@@ -88,3 +88,22 @@ def test_time_that_hardly_moves_is_refused_in_one_line(tmp_path: Path) -> None:
     )
     with pytest.raises(RecordError, match="hardly increase"):
         read_recording(path)
+
+
+@pytest.mark.parametrize(
+    ("t", "what"),
+    [
+        (np.arange(200) * np.timedelta64(8, "ms"), "not dates or durations"),
+        (np.ma.masked_equal(np.arange(200) / 125, 1.0), "masked"),
+        (np.arange(200) / 125 + 0j, "real numbers"),
+    ],
+)
+def test_numbers_are_real_unmasked_and_no_dates(t: np.ndarray, what: str) -> None:
+    with pytest.raises(InputError, match=f"t .*{what}"):
+        ExperimentRecord(t=t, signals=record().signals)
+
+
+@pytest.mark.parametrize("q", [np.zeros(200), np.zeros((3, 200))])
+def test_the_shape_that_positions_should_have_is_told(q: np.ndarray) -> None:
+    with pytest.raises(InputError, match=r"allowed: \(200, any\)"):
+        ExperimentRecord(t=np.arange(200) / 125, signals={"q": q})

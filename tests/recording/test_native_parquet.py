@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import copy
 import os
 from pathlib import Path
 
@@ -88,8 +89,9 @@ def assert_same(a: ExperimentRecord, b: ExperimentRecord) -> None:
 @given(record=records())
 def test_round_trip_is_exact(record: ExperimentRecord, tmp_path_factory) -> None:
     path = tmp_path_factory.getbasetemp() / "round_trip.parquet"
-    write_record(record, path)
+    write_record(record, path, force=True)
     assert_same(record, read_record(path))
+    assert_same(record, copy.deepcopy(record))
 
 
 def small_record(**changes: object) -> ExperimentRecord:
@@ -122,8 +124,10 @@ def test_failed_write_keeps_the_old_file(tmp_path: Path, monkeypatch) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(os, "fsync", interrupted)
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(InputError, match="nothing is replaced unasked"):
         write_record(small_record(), path)
+    with pytest.raises(KeyboardInterrupt):
+        write_record(small_record(), path, force=True)
     assert path.read_bytes() == before
     assert os.listdir(tmp_path) == ["run.parquet"]
 

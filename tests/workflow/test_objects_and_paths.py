@@ -407,3 +407,40 @@ def test_recordings_remember_a_robot_that_is_given_as_an_object(tmp_path: Path) 
             tmp_path / "log.parquet", tmp_path / f"{name}.parquet", robot=robot
         )
         assert found.record.metadata.robot == "ur5"
+
+
+def test_columns_in_another_order_are_those_of_their_names(objects: Given) -> None:
+    robot, record = objects.robot, objects.record
+    order = [2, 0, 1]
+    names = tuple(robot.joint_names[k] for k in order)
+    turned = replace(
+        record,
+        signals={name: values[:, order] for name, values in record.signals.items()},
+        metadata=replace(record.metadata, joint_names=names),
+    )
+    same = dynid.validate(objects.estimate, record).metrics.rmse
+    np.testing.assert_array_equal(dynid.validate(objects.estimate, turned).metrics.rmse, same)
+    found, plain_order = (
+        dynid.identify(one, robot, PAPER).estimate.values for one in (turned, record)
+    )
+    np.testing.assert_array_equal(found, plain_order)
+
+
+def test_a_recording_given_twice_counts_once(objects: Given) -> None:
+    once = dynid.identify(objects.record, objects.robot, PAPER).estimate
+    twice = dynid.identify([objects.record, objects.record], objects.robot, PAPER)
+    assert twice.estimate.samples == once.samples
+    assert [x.kind for x in twice.warnings].count("duplicate_record") == 1
+    shared = dynid.identify_shared([objects.record, objects.record], objects.robot, PAPER)
+    assert len(shared.estimates) == 1
+
+
+def test_a_dead_torque_is_named_before_a_payload(objects: Given) -> None:
+    signals = {name: values.copy() for name, values in objects.loaded.signals.items()}
+    torques = next(name for name in ("effort", "current") if name in signals)
+    signals[torques][:, 1] = 0.0
+    dead = replace(objects.loaded, signals=signals)
+    with pytest.raises(dynid.InputError, match="a torque is the same on every row"):
+        dynid.identify_payload(objects.record, dead, objects.robot)
+    found = dynid.validate(objects.estimate, dead).warnings
+    assert any(x.kind == "dead_channel" and x.joints == (1,) for x in found)

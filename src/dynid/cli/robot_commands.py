@@ -237,7 +237,7 @@ def gravity_command(
         show.check_output(output, inputs=[record], suffix=".json", force=force)
     (opened,), model = open_records([record], robot, ask.drive_gains(gains))
     found = identify_gravity(opened, model if mount is None else with_mount(model, mount))
-    findings = record_findings(model, opened)
+    findings = (*found.warnings, *record_findings(model, opened))
     data: dict[str, Any] = found.to_json() | told(findings)
     if output is not None:
         write_json(output, data)

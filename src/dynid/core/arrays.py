@@ -36,8 +36,16 @@ def frozen(
         finite: Refuse NaN and infinity.
 
     Raises:
-        InputError: Wrong shape, not numeric, or not finite.
+        InputError: Wrong shape, not real numbers, or not finite.
     """
+    if np.ma.is_masked(values):
+        raise InputError(f"{name} has masked values", next_step="Leave these rows out.")
+    kind = getattr(values, "dtype", np.dtype(float)).kind
+    if kind in "mM":
+        step = "Pass seconds: (values - values[0]) / np.timedelta64(1, 's')."
+        raise InputError(f"{name} must be numbers, not dates or durations", next_step=step)
+    if kind == "c":
+        raise InputError(f"{name} must be real numbers", value="complex")
     try:
         array = np.array(values, dtype=np.float64, copy=True)
     except (TypeError, ValueError, OverflowError) as error:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, InputError, Mask, freeze
+from dynid.core import Array, Finding, InputError, Mask, freeze, told
 from dynid.identification import least_squares
 from dynid.identification.bayesian import deviations, inertial_prior, posterior
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
@@ -62,6 +62,8 @@ class GravityEstimate:
     """(n) half-width that holds 95 % of those errors: what friction may hold [N.m or N]."""
     band_std: Array
     """(n) its standard deviation."""
+    warnings: tuple[Finding, ...] = ()
+    """Joints whose torques are not those of published inertias at rest."""
 
     def __post_init__(self) -> None:
         r, n = self.base.rank, self.base.model.robot.joints
@@ -113,6 +115,7 @@ class GravityEstimate:
             "stiction_band": self.band.tolist(),
             "stiction_band_std": self.band_std.tolist(),
             "unseen": list(self.unseen),
+            **told(self.warnings),
         }
 
 
@@ -201,7 +204,8 @@ def gravity_of(robot: RobotModel, q: Array, torque: Array, *, frames: str = "") 
     share = columns @ covariance @ (columns * np.square(fit.weights)[:, None]).transpose(0, 2, 1)
     others = np.asarray(np.linalg.inv(np.eye(robot.joints) - share), dtype=np.float64)
     errors = np.einsum("pij,pj->pi", others, left)
-    given = torque + model.known_torque(q) - columns @ mean
+    expected = columns @ mean - model.known_torque(q)
+    given = torque - expected
     band, band_std = _band(errors)
     return GravityEstimate(
         base=base,
@@ -213,7 +217,25 @@ def gravity_of(robot: RobotModel, q: Array, torque: Array, *, frames: str = "") 
         published=_rms(given) if robot.published.all() else None,
         band=band,
         band_std=band_std,
+        warnings=_doubts(torque, expected) if robot.published.all() else (),
     )
+
+
+def _doubts(torque: Array, expected: Array) -> tuple[Finding, ...]:
+    """Torques (P, n) that are nearer to the negative of what is expected, or to none of it."""
+    ways = np.array([_rms(torque - expected), _rms(torque + expected), _rms(torque)])
+    nearest = np.where(ways.min(axis=0) < ways[0] / 2, ways.argmin(axis=0), 0)
+    found: list[Finding] = []
+    for way, kind, what, step in (
+        (1, "reversed", "are nearer to their negative", "check the signs of torque and position"),
+        (2, "gravity_compensated", "contain no gravity", "record the whole torque"),
+    ):
+        joints = tuple(np.flatnonzero(nearest == way).tolist())
+        if joints:
+            which = " ".join(str(j + 1) for j in joints)
+            text = f"beside those of published inertias, torques of joint {which} {what}"
+            found.append(Finding(kind, text, joints=joints, next_step=step))
+    return tuple(found)
 
 
 def _rms(errors: Array) -> Array:

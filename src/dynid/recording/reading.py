@@ -323,7 +323,7 @@ def open_record(
         InputError: No recording and no path.
     """
     if isinstance(record, ExperimentRecord):
-        found = record
+        found = fitted(record, robot)
     elif not isinstance(record, str | Path):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise InputError("not a recording or its file", value=type(record).__name__)
     else:

@@ -5,6 +5,7 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -87,7 +88,8 @@ class ExperimentRecord:
             row = int(np.argmax(np.diff(t) <= 0)) + 1
             raise RecordError(f"time does not increase at sample {row}", value=float(t[row]))
         check_quantities(self.signals)
-        shape = (len(t), np.shape(self.signals["q"])[-1])
+        q = frozen(self.signals["q"], shape=(len(t), None), name="q")
+        shape = q.shape
         signals = {
             name: frozen(value, shape=shape, name=name) for name, value in self.signals.items()
         }
@@ -100,6 +102,12 @@ class ExperimentRecord:
         names = self.metadata.joint_names
         if names and len(names) != shape[1]:
             raise RecordError("joint names do not match the columns", value=names, limit=shape[1])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For processes and copies, which cannot take read-only mappings."""
+        fields = {"signals": dict(self.signals), "channels": dict(self.channels)}
+        rest = {"t": self.t, "metadata": self.metadata, "problems": self.problems}
+        return partial(ExperimentRecord, **fields, **rest), ()
 
     @property
     def samples(self) -> int:

@@ -154,7 +154,7 @@ ROWS_A_GROUP = 1 << 16
 _FOREIGN = "Import it with: dynid import FILE -o RECORD.parquet"
 
 
-def write_record(record: ExperimentRecord, path: str | Path, *, force: bool = True) -> None:
+def write_record(record: ExperimentRecord, path: str | Path, *, force: bool = False) -> None:
     """Write a recording; the file appears whole or not at all.
 
     Args:
@@ -278,7 +278,9 @@ def _whole(description: dict[str, Any], columns: dict[str, Array]) -> Experiment
 
 
 def fitted(record: ExperimentRecord, robot: RobotModel | None) -> ExperimentRecord:
-    """A recording of ours, fitted to a robot; see `of_robot`."""
+    """A recording, fitted to a robot; see `of_robot`."""
     metadata, order = of_robot(record.metadata, record.joints, robot)
+    if metadata == record.metadata:
+        return record
     signals = {name: value[:, list(order)] for name, value in record.signals.items()}
     return replace(record, signals=signals, metadata=metadata)

@@ -206,7 +206,7 @@ class RecordWriter:
         why = "aborted" if self._aborted else "new"
         beside = free_name(self.path, f"{self.path.stem}.{why}-", self.path.suffix)
         target = beside if stands else self.path
-        store.write_record(record, target)
+        store.write_record(record, target, force=True)
         self._partial.unlink(missing_ok=True)
         self.record_path, self._saved = target, record.samples
 

@@ -22,6 +22,7 @@ from dynid.recording import (
     ExperimentRecord,
     RecordLike,
     RecordMetadata,
+    checked_records,
     identity,
     open_record,
 )
@@ -186,7 +187,7 @@ def validate(
     """
     estimate = open_estimate(estimate)
     robot = estimate.model.robot
-    record = open_record(record, robot)
+    (record,) = checked_records([open_record(record, robot)])
     settings = _settings(estimate, record, start_s, stop_s)
     signals = uniform_signals(record, robot, settings)
     own = max(settings.cutoff_hz or 0.0, default_cutoff(signals.q, signals.rate_hz))

@@ -25,9 +25,7 @@ from dynid.recording import (
     AnyRecording,
     ExperimentRecord,
     RecordLike,
-    StoredRecording,
     as_list,
-    checked_records,
     fingerprint,
     local_files,
     open_any,
@@ -73,14 +71,10 @@ def identify_files(
     with local_files([*recordings, *others]) as paths:
         files = paths[: len(recordings)]
         model = robot_of(files, robot)
-        found = open_any(files, model, gains)
+        records = open_any(files, model, gains)
         if gains is not None:
             # Remembered with the estimate, for recordings of the robot that are without.
             model = replace(model, drives=replace(model.drives, gain=np.array(gains)))
-        held = [record for record in found if isinstance(record, ExperimentRecord)]
-        # Of those that stay in their files, a part is checked when it is looked at.
-        stored = [record for record in found if isinstance(record, StoredRecording)]
-        records: list[AnyRecording] = [*checked_records(held), *stored]
         other: ExperimentRecord | None = None
         if validation is not None:
             other = open_record(paths[-1], model, gains)
@@ -274,7 +268,7 @@ def fit(
         paths.append(folder / f"{f'{kind}_{name}' if name else kind}.parquet")
     other = None if validation is None else records[-1]
     result = identify(
-        checked_records(records[: len(given)]),
+        records[: len(given)],
         model,
         settings,
         validation=other,
@@ -285,7 +279,7 @@ def fit(
         unfinished, "The fit that wrote these files has not ended: the next replaces them.\n"
     )
     for record, path in zip(records, paths, strict=True):
-        write_record(of_robot(record, robot), path)
+        write_record(of_robot(record, robot), path, force=True)
     write_estimate(result.estimate, folder / ESTIMATE)
     exports: list[ExportedFile] = []
     failed: list[tuple[str, str]] = []

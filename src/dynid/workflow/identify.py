@@ -226,10 +226,13 @@ def identify(
     """
     settings = settings or IdentifySettings()
     robot = with_carried(load_robot(robot, mount=settings.mount, collision=False))
+    several = recording.open_any(recording.as_list(records), robot)
+    held = [record for record in several if isinstance(record, recording.ExperimentRecord)]
+    # Of those that stay in their files, a part is checked when it is looked at.
+    stored = [record for record in several if isinstance(record, recording.StoredRecording)]
+    held = recording.checked_records(held)
     # The same result whatever the order of the files.
-    several = sorted(
-        recording.open_any(recording.as_list(records), robot), key=recording.fingerprint
-    )
+    several = sorted([*held, *stored], key=recording.fingerprint)
     other = None if validation is None else recording.open_record(validation, robot)
     if not several:
         raise InputError("needs at least one record")

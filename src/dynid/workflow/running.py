@@ -442,4 +442,6 @@ def _mark_aborted(path: Path, abort: drivers.Abort) -> None:
             said = Finding("aborted", f"aborted after {record.samples} samples: {abort.message}")
             record = replace(record, problems=(*record.problems, said))
         extra = {**record.metadata.extra, "aborted": abort.message, "abort": abort.code}
-        write_record(replace(record, metadata=replace(record.metadata, extra=extra)), path)
+        write_record(
+            replace(record, metadata=replace(record.metadata, extra=extra)), path, force=True
+        )

@@ -13,14 +13,27 @@ from numpy.typing import ArrayLike
 
 from dynid import identification
 from dynid.core import Array, Finding, InputError, Progress, frozen, one_thread, told
-from dynid.recording import ExperimentRecord, RecordLike, identity, open_record, open_several
+from dynid.recording import (
+    ExperimentRecord,
+    RecordLike,
+    checked_records,
+    identity,
+    open_record,
+    open_several,
+)
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel, LoadFriction
 from dynid.robot import RobotLike, RobotModel, frame_map, from_body, load_robot
 from dynid.settings import IdentifySettings
 from dynid.signals import ProcessingSettings, Samples, process
 from dynid.validation import record_findings
-from dynid.workflow.choosing import asked_processing, choose, made_from, require_cutoff
+from dynid.workflow.choosing import (
+    asked_processing,
+    choose,
+    made_from,
+    require_cutoff,
+    require_torques,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,9 +101,11 @@ def identify_shared(
     """
     settings = settings or IdentifySettings()
     robot = load_robot(robot, mount=settings.mount, collision=False)
-    several = open_several(records, robot)
+    several = checked_records(open_several(records, robot))
     if not several:
         raise InputError("needs at least one record")
+    for record in several:
+        require_torques([record], robot)
     if settings.estimator not in (None, "wls") or settings.weighting != "joint":
         raise InputError(
             "several records at once are fitted by weighted least squares, joint by joint",
@@ -167,6 +182,8 @@ def identify_payload(
     """
     model = load_robot(robot, collision=False)
     without, carrying = _several(model, unloaded, loaded)
+    for record in (*without, *carrying):
+        require_torques([record], model)
     seen = {identity(record) for record in without}
     if any(identity(record) in seen for record in carrying):
         raise InputError(
@@ -209,7 +226,7 @@ def _several(
     robot: RobotModel, *groups: RecordLike | Sequence[RecordLike]
 ) -> list[list[ExperimentRecord]]:
     """Recordings without and with the payload, at least one of each."""
-    found = [open_several(group, robot) for group in groups]
+    found = [checked_records(open_several(group, robot)) for group in groups]
     if not all(found):
         counts = tuple(map(len, found))
         raise InputError("needs recordings with and without the payload", value=counts)
@@ -239,10 +256,6 @@ def identify_gains(
     """
     model = load_robot(robot, collision=False)
     record = open_record(record, model)
-    if record.joints != model.joints:
-        raise InputError(
-            "the recording is of another robot", value=record.joints, limit=model.joints
-        )
     missing = [name for name in TARGETS if name not in record.signals]
     velocity = record.signals.get("target_qd", record.signals.get("qd"))
     if velocity is None:
