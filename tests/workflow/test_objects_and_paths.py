@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import re
 import types
 import typing
 from collections.abc import Callable
@@ -444,3 +445,17 @@ def test_a_dead_torque_is_named_before_a_payload(objects: Given) -> None:
         dynid.identify_payload(objects.record, dead, objects.robot)
     found = dynid.validate(objects.estimate, dead).warnings
     assert any(x.kind == "dead_channel" and x.joints == (1,) for x in found)
+
+
+def test_a_robot_object_is_found_again_by_its_file(tmp_path: Path) -> None:
+    path = written_arm(tmp_path, whole=True)
+    path.write_text(re.sub('name = ".*"', 'name = "ur5"', path.read_text("utf-8"), count=1))
+    robot = dynid.load_robot(path)
+    assert robot.name == "ur5"
+    design = dynid.design(robot, QUICK)
+    dynid.write_design(design, tmp_path / "design.json")
+    found = dynid.read_design(tmp_path / "design.json")
+    assert found.robot.joint_names == robot.joint_names
+    assert found.changed == ()
+    record = dynid.simulate_recording(robot, design)
+    assert record.metadata.robot == str(path)

@@ -236,7 +236,7 @@ def test_a_disk_that_refuses_the_end_loses_no_rows(
 ) -> None:
     path = tmp_path / "run.parquet"
 
-    def refuse(*_: object) -> None:
+    def refuse(*_: object, **__: object) -> None:
         raise JobError("the recording cannot be written", value="No space left on device")
 
     monkeypatch.setattr("dynid.recording.store.write_record", refuse)

@@ -3,6 +3,7 @@
 import math
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -78,11 +79,15 @@ def load_robot(
 
 def _load(name_or_path: str | Path, collision: bool, mesh_dirs: Sequence[Path] = ()) -> RobotModel:
     text = str(name_or_path)
-    names = builtin_names()
-    if text.lower() in names:
+    if text.lower() in builtin_names():
         return _built_in(text.lower())
     path = Path(os.path.expanduser(text))
+    return replace(_of_file(path, text, collision, mesh_dirs), file=str(path.resolve()))
+
+
+def _of_file(path: Path, text: str, collision: bool, mesh_dirs: Sequence[Path]) -> RobotModel:
     if not text.strip() or not is_there(path):
+        names = builtin_names()
         looks_like_path = "/" in text or path.suffix.lower() in (".urdf", ".toml", ".xml")
         raise RobotError(
             "no such file" if looks_like_path else "neither a built-in robot nor a file",
@@ -116,12 +121,11 @@ def robot_to_json(robot: RobotModel) -> dict[str, Any]:
     values = cast("dict[str, Any]", plain(robot))
     # What the flange carries is not part of the robot.
     del values["tool"]
-    if not robot.urdf:
-        del values["urdf"]
-    return values
+    return {key: value for key, value in values.items() if key not in _PLACES or value}
 
 
 _WORDS = ("name", "default_frames", "mount", "source")
+_PLACES = ("urdf", "file")
 _ARRAYS = ("placements", "axes", "gravity", "inertias", "flange")
 _TEXTS = ("joint_names", "joint_types", "body_notes", "notes")
 
@@ -136,6 +140,7 @@ def robot_from_json(data: Mapping[str, Any]) -> RobotModel:
         known: dict[str, Any] = {key: str(data[key]) for key in _WORDS}
         known |= {key: _array(data[key]) for key in _ARRAYS}
         # Files of the first versions know neither notes on bodies nor safety.
+        known |= {key: str(data.get(key, "")) for key in _PLACES}
         known |= {key: tuple(str(text) for text in data.get(key, [])) for key in _TEXTS}
         drives: dict[str, Any] = {**data["drives"]}
         for key in ("gain", "gear_ratio", "coupling", "offset"):
@@ -149,7 +154,6 @@ def robot_from_json(data: Mapping[str, Any]) -> RobotModel:
             bodies=_bodies(data),
             safety=_safety(data.get("safety", {})),
             locked={str(key): float(value) for key, value in data["locked"].items()},
-            urdf=str(data.get("urdf", "")),
         )
     except InputError:
         raise

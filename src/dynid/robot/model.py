@@ -278,6 +278,8 @@ class RobotModel:
     """Where the numbers come from."""
     urdf: str = ""
     """Absolute path of the URDF with its joints and links; empty where there is none."""
+    file: str = ""
+    """Absolute path of the file that it was read from; empty where there is none."""
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)

@@ -56,7 +56,7 @@ def robot_hash(robot: RobotModel) -> str:
     facts = robot_to_json(robot)
     # Where numbers come from may change, and how a path was written; twelve digits survive another
     # machine's rounding.
-    told = ("source", "notes", "urdf", "body_notes")
+    told = ("source", "notes", "urdf", "file", "body_notes")
     return content_hash({k: facts[k] for k in facts if k not in told}, 12)
 
 

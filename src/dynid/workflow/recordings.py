@@ -17,12 +17,12 @@ _NEXT = "Pass --robot: a built-in name (dynid robots), a URDF or a robot file."
 
 
 def robot_reference(robot: RobotLike) -> str:
-    """What a recording remembers of its robot: a built-in name, or an absolute path.
+    """What files remember of a robot: a built-in name, or an absolute path.
 
-    Of a robot in memory it is the name, which need not lead back to it.
+    Of a robot that no file holds it is the name, which need not lead back to it.
     """
     if isinstance(robot, RobotModel):
-        return robot.name
+        return robot.file or robot.name
     text = str(robot)
     if text.lower() in builtin_names():
         return text.lower()

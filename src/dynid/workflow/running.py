@@ -82,7 +82,12 @@ def simulate_recording(
         arm, motion, rate_hz=rate_hz, periods=periods, thermal=thermal, seed=seed
     )
     record = record_of(run)
-    told = replace(record.metadata, joint_names=robot.joint_names, drive_gains=arm.made_up_gains)
+    told = replace(
+        record.metadata,
+        robot=robot_reference(robot),
+        joint_names=robot.joint_names,
+        drive_gains=arm.made_up_gains,
+    )
     return replace(record, metadata=told)
 
 
