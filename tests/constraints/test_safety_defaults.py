@@ -47,6 +47,32 @@ def test_a_scene_that_has_a_floor_says_where_it_is() -> None:
     assert certify(resting(DOWN), judge).broken == ()
 
 
+@pytest.mark.parametrize("mount", ["wall", "ceiling", "tilt:30"])
+def test_a_floor_of_the_scene_does_not_take_a_wall_away(mount: str) -> None:
+    low = {"type": "floor", "height": -1.2}
+    judge = safe_constraints(
+        load_robot("ur5", mount=mount), scene_from_json(JsonFields({"shapes": [low]}))
+    )
+    held = certify(resting(DOWN), judge)
+    assert held.broken == ("environment",)
+    assert held.worst["environment"].what.endswith(" - mounting plane")
+    assert any("not horizontal" in note for note in judge.notes)
+
+
+@pytest.mark.parametrize("far", [39.4, 100.0])
+def test_a_scene_of_which_nothing_is_in_reach_certifies_nothing(far: float) -> None:
+    box = {"type": "box", "size": [0.3, 0.3, 0.5], "position": [0.6, 0.0, 0.4]}
+    table = {"type": "table", "size": [0.6, 0.6], "position": [0.0, 0.5, -0.2]}
+    assert not safe_constraints(UR5, scene_from_json(JsonFields({"shapes": [box]}))).unjudged
+    many = [
+        item | {key: [far * x for x in item[key]] for key in ("size", "position")}
+        for item in (box, table)
+    ]
+    (item,) = safe_constraints(UR5, scene_from_json(JsonFields({"shapes": many}))).unjudged
+    assert item.kind == "environment"
+    assert "metres" in item.next_step
+
+
 def test_the_plane_is_exact_and_the_margin_is_kept() -> None:
     # The tip of a straight tool points down: its height is known without any body.
     pose = np.array([[0.0, -1.0, 1.6, -0.6 - np.pi / 2, -np.pi / 2, 0.0]])

@@ -46,6 +46,8 @@ def test_what_is_not_si_is_named(tmp_path: Path) -> None:
     (doubt,) = doubted_units(replace(ur5, inertias=1000.0 * ur5.inertias))
     assert "look like grams" in doubt.message
     assert doubt.kind == "torque"
+    (doubt,) = doubted_units(replace(ur5, inertias=0.001 * ur5.inertias))
+    assert "look like placeholders" in doubt.message
     bodies = [
         replace(body, points=body.points / 1000, radius=body.radius / 1000)
         if body.link == 4

@@ -122,6 +122,8 @@ _TOUCHING = 1e-9
 """Bodies no farther apart touch [m]."""
 _MOSTLY = 0.5
 """Share of poses beyond which bodies of near links say more of themselves than of the arm."""
+_FAR = 3.0
+"""Lengths of the arm from which nobody would describe what is there: another unit, probably."""
 _POSES = 400
 
 
@@ -132,6 +134,8 @@ class Surroundings:
     bodies: CollisionBodies
     pairs: dict[str, JudgedPairs]
     """Kind of distance to its pairs, where there are any."""
+    far: frozenset[str]
+    """Shapes of the scene that are much too far away to matter."""
     lacking: dict[str, tuple[str, ...]]
     """Kind of distance to why it cannot be judged in full: links that no body holds, pairs that
     were left out though they can meet."""
@@ -198,7 +202,7 @@ def surroundings_of(
         for j, body in enumerate(moving)
         if body.link
     ]
-    around = _reachable(bodies, _numbers(around), poses, settings, names, notes)
+    around, out = _reachable(bodies, _numbers(around), poses, settings, names, notes)
     pairs = {
         "self_collision": JudgedPairs(
             bodies=own,
@@ -217,6 +221,7 @@ def surroundings_of(
     return Surroundings(
         bodies=bodies,
         pairs=pairs,
+        far=out,
         lacking={"self_collision": (*bare, *left_out), "environment": bare},
     )
 
@@ -315,10 +320,11 @@ def _reachable(
     settings: ConstraintSettings,
     names: list[str],
     notes: list[str],
-) -> Indices:
-    """The pairs that are judged of all with the scene (P, 2); arguments as in `_free_pairs`.
+) -> tuple[Indices, frozenset[str]]:
+    """The pairs that are judged of all with the scene (P, 2), and shapes beyond `_FAR`.
 
     Shapes that are farther away than the arm is long are told: lengths in another unit are.
+    Arguments as in `_free_pairs`.
 
     Bodies beside the base that are near a shape and cannot touch it, such as the shoulder of an
     arm that stands on the floor, are left out.
@@ -328,8 +334,11 @@ def _reachable(
     """
     kept = np.ones(len(around), dtype=bool)
     far = bodies.distances(poses, around).T
-    for shape in np.unique(around[:, 0]):
+    out: set[str] = set()
+    for shape in map(int, np.unique(around[:, 0])):
         least = float(far[around[:, 0] == shape].min())
+        if least > _FAR * bodies.arm.offsets.sum():
+            out.add(names[shape])
         if least > bodies.arm.offsets.sum():
             notes.append(
                 f"'{names[shape]}' is out of reach, about {least:.3g} m from the arm at least"
@@ -355,7 +364,7 @@ def _reachable(
             notes.append(
                 f"{names[b]} is {float(row.min()):.3f} m from '{names[a]}' whatever the arm does"
             )
-    return around[kept]
+    return around[kept], frozenset(out)
 
 
 def _proven(

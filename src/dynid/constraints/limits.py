@@ -372,6 +372,8 @@ DENSEST = 1000.0
 """[kg/m^3] Mass over the cube of the length: five times that of any arm."""
 THINNEST = 0.01
 """Size of a link's bodies over the arm's length: a fifth of that of the smallest wrist."""
+WEIGHTLESS = 0.02
+"""Weight times length over the largest torque limit: a quarter of that of any arm."""
 LIGHTEST = 100.0
 """[kg] A mass below this is no doubt, however short the arm."""
 
@@ -404,6 +406,9 @@ def doubted_units(robot: RobotModel) -> list[Unjudged]:
     elif mass > max(DENSEST * reach**3, LIGHTEST) and turning.all():
         said = f"the arm of {reach:.3g} m has {mass:.4g} kg: its masses look like grams"
         doubt("torque", said, "kg")
+    elif (strongest := _strongest(limits.torque[turning])) * WEIGHTLESS > 9.81 * mass * reach > 0:
+        said = f"the arm of {reach:.3g} m has {mass:.3g} kg and torques of {strongest:.4g} N.m"
+        doubt("torque", f"{said}: its masses or limits look like placeholders", "kg")
     size = np.full(robot.joints + 1, -math.inf)
     for body in robot.bodies:
         extent = float(np.ptp(body.points, axis=0).max()) + 2 * body.radius
@@ -415,6 +420,10 @@ def doubted_units(robot: RobotModel) -> list[Unjudged]:
         for kind in ("self_collision", "environment"):
             doubt(kind, f"{said}: their scale looks wrong", "m")
     return found
+
+
+def _strongest(torque: Array) -> float:
+    return float(np.max(torque, initial=0.0, where=torque < UNLIMITED))
 
 
 def _joints(robot: RobotModel, which: Mask) -> str:

@@ -30,7 +30,7 @@ from dynid.constraints.limits import (
     unknown_limit,
     unknown_masses,
 )
-from dynid.constraints.scene import ConstraintSettings, Scene, surrounded
+from dynid.constraints.scene import ConstraintSettings, Scene, own_floors, stands, surrounded
 from dynid.core import Array, InputError
 from dynid.robot import RobotModel, carried
 from dynid.trajectory import usable_bounds
@@ -224,8 +224,12 @@ def _surroundings(
     robot: RobotModel, settings: ConstraintSettings, notes: list[str], unjudged: list[Unjudged]
 ) -> Surroundings | None:
     """The bodies to judge, the floor and the tool among them."""
+    turned = () if stands(robot) else own_floors(settings.scene)
+    notes += [
+        f"'{name}' is parallel to the mounting plane, it is not horizontal" for name in turned
+    ]
     said = len(notes)
-    whole = surrounded(settings, robot.tool)
+    whole = surrounded(settings, robot)
     try:
         found = surroundings_of(robot, whole, notes)
     except InputError as error:
@@ -233,7 +237,7 @@ def _surroundings(
         if settings.floor != "mount":
             raise
         del notes[said:]
-        bare = surrounded(settings, robot.tool, floor=False)
+        bare = surrounded(settings, robot, floor=False)
         found = surroundings_of(robot, bare, notes)
         if robot.bodies:
             whole = bare
@@ -245,6 +249,15 @@ def _surroundings(
                     "is none: --floor none.",
                 )
             )
+    given = settings.scene.shapes if settings.scene is not None else ()
+    if found is not None and given and {shape.name for shape in given} <= found.far:
+        unjudged.append(
+            Unjudged(
+                kind="environment",
+                causes=("all of the scene is three lengths of the arm away, or more",),
+                next_step="Give the scene in metres, in the base frame; without what is far away.",
+            )
+        )
     asked = {
         "self_collision": settings.self_collision,
         "environment": whole.scene is not None and bool(whole.scene.shapes),

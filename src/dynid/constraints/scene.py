@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from dynid.core import Array, InputError, JsonFields, MotionBounds, freeze
-from dynid.robot import Body, Tool, box_points, cylinder_points, from_axes, from_xyz_rpy
+from dynid.robot import Body, RobotModel, box_points, cylinder_points, from_axes, from_xyz_rpy
 
 HALF_SPACE, BOX, CYLINDER, SPHERE = 0, 1, 2, 3
 KINDS = ("half-space", "box", "cylinder", "sphere")
@@ -274,20 +274,31 @@ class ConstraintSettings:
         return self.margin if kind in MARGIN_KINDS else 0.0
 
 
+def stands(robot: RobotModel) -> bool:
+    """Whether the robot stands on its base: gravity is along its axis."""
+    return bool(-robot.gravity[2] > _UPRIGHT * np.linalg.norm(robot.gravity))
+
+
+def own_floors(scene: Scene | None) -> list[str]:
+    """Names of the planes of a scene on whose free side the base frame's axis points."""
+    shapes = () if scene is None else scene.shapes
+    planes = (item for item in shapes if item.kind == HALF_SPACE)
+    return [item.name for item in planes if float(item.pose[2, 2]) > _UPRIGHT]
+
+
 def surrounded(
-    settings: ConstraintSettings, tool: Tool, *, floor: bool = True
+    settings: ConstraintSettings, robot: RobotModel, *, floor: bool = True
 ) -> ConstraintSettings:
     """The settings with a scene that holds the floor, if asked for, and the tool's body too.
 
     That is a rod to the tool's point, and one to its centre of mass where the scene gives the
-    payload no shape.
+    payload no shape. A floor of the scene takes the place of that at the mounting plane of a robot
+    that stands on it; a wall or a ceiling stays.
     """
-    scene = settings.scene or Scene()
+    scene, tool = settings.scene or Scene(), robot.tool
     shapes, payload = list(scene.shapes), list(scene.payload)
-    known = any(
-        item.kind == HALF_SPACE and float(item.pose[2, 2]) > _UPRIGHT for item in scene.shapes
-    )
-    if floor and settings.floor != "none" and not (settings.floor == "mount" and known):
+    replaced = settings.floor == "mount" and bool(own_floors(scene)) and stands(robot)
+    if floor and settings.floor != "none" and not replaced:
         name, height = "floor", settings.floor
         if isinstance(height, str):
             name, height = "mounting plane", 0.0

@@ -45,7 +45,7 @@ def arm_meshes(robot: RobotModel) -> tuple[LinkMesh, ...]:
 def carried_meshes(constraints: MotionConstraints) -> tuple[LinkMesh, ...]:
     """What the flange carries, as it is judged: the scene's payload, and rods of the tool."""
     robot = constraints.robot
-    scene = surrounded(constraints.settings, robot.tool).scene
+    scene = surrounded(constraints.settings, robot).scene
     return tuple(
         LinkMesh(name=shape.name, link=robot.joints, vertices=vertices, faces=faces)
         for shape in (scene.payload if scene else ())
