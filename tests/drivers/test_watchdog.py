@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ def cycle(k: int, **changes: object) -> Cycle:
     return replace(good, **changes)  # pyright: ignore[reportArgumentType]
 
 
-def watch(cycles: list[Cycle], **options: int) -> Abort | None:
+def watch(cycles: list[Cycle], **options: Any) -> Abort | None:
     watchdog = Watchdog(LIMITS, 125.0, TOTAL, **options)
     for one in cycles:
         if abort := watchdog.see(one):
@@ -48,6 +49,32 @@ def test_a_whole_motion_passes() -> None:
     # Our program counts one further, then ends.
     assert watchdog.see(cycle(TOTAL)) is None
     assert watchdog.see(cycle(TOTAL + 1, index=TOTAL, runtime_state=1)) is None
+
+
+WAY = np.array([[0.4, 0.0], [0.4, 0.8]])
+"""A way point and the first set point, of an arm that stands at zero."""
+
+
+def on_the_way(targets: list[list[float]]) -> list[Cycle]:
+    return [
+        cycle(k - len(targets), index=-1, target_q=np.array(at), q=np.array(at))
+        for k, at in enumerate(targets)
+    ]
+
+
+def test_the_way_to_the_start_is_watched() -> None:
+    there = [[0.0, 0.0], [0.2, 0.0], [0.4, 0.0], [0.4, 0.5], [0.4, 0.8]]
+    assert watch(on_the_way(there), way=WAY) is None
+    for elsewhere in ([0.2, 0.1], [-0.1, 0.0], [0.4, 0.9]):
+        abort = watch(on_the_way([*there[:2], elsewhere]), way=WAY)
+        assert abort is not None
+        assert abort.code == "program"
+        assert "another program" in abort.message
+    # Nobody waits for ever for a program that stands still.
+    abort = watch(on_the_way([[0.2, 0.0]] * (125 * 60)), way=WAY)
+    assert abort is not None
+    assert "not arriving" in abort.message
+    assert watch(on_the_way([[0.2, 0.0]] * (125 * 15)), way=WAY) is None
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from threading import Event
 
 import numpy as np
 import pytest
@@ -130,3 +131,20 @@ def test_only_the_first_pass_goes_through_the_way_points() -> None:
     assert [len(execution.via) for execution in executions] == [2, 0, 0]
     alone = replace(plan, slow=None, warm_up_s=0.0)
     assert [step.execution.via for step in alone.passes()] == [points]
+
+
+def test_nothing_is_searched_where_an_end_collides_or_nobody_waits(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def searched(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(approaches, "find_way", searched)
+    below = np.array([0.0, -0.3, 0.6, -1.0, -1.0, 0.0])
+    for a, b in ((below, UPRIGHT), (UPRIGHT, below)):
+        found = plan_approach(a, b, JUDGE)
+        assert found.refused is not None
+        assert found.refused.broken == ("environment",)
+    cancelled = Event()
+    cancelled.set()
+    assert not plan_approach(UPRIGHT, BEHIND, JUDGE, cancel=cancelled).free

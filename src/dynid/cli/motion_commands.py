@@ -252,6 +252,8 @@ def run_command(
             rounds.raise_if_missed()
             return
         result = run_design(design, output, **given)
+        if result.abort is not None and result.result.stopped_in is None:
+            raise KeyboardInterrupt
     if (said := result.design.describe_digest()) is not None and result.design.changed:
         print(f"dynid: {design}: {said}", file=sys.stderr)
     if result.left is not None:

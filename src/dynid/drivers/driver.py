@@ -85,6 +85,12 @@ class Cycle:
     """The speed slider."""
 
 
+_OFF_WAY = 0.02
+"""Distance of the target from the straight ways to the start [rad]."""
+_WAIT_S, _SLOWNESS = 20.0, 4.0
+"""Time for the way [s], and what is added for its length [s/rad]: twice what `movej` takes."""
+
+
 class Watchdog:
     """Watches one execution, from the way to its first set point to its last one.
 
@@ -94,14 +100,25 @@ class Watchdog:
         total: Number of set points; indices run from 0 to one less.
         slack: By how much an index may be off the one that is due: nought where the controller
             counts, more where set points are streamed to it.
+        way: (k, n) way points to the first set point and that itself, straight ways between them;
+            None where nobody moves the arm there.
     """
 
-    def __init__(self, limits: WatchLimits, rate_hz: float, total: int, *, slack: int = 0) -> None:
+    def __init__(
+        self,
+        limits: WatchLimits,
+        rate_hz: float,
+        total: int,
+        *,
+        slack: int = 0,
+        way: Array | None = None,
+    ) -> None:
         self._limits = limits
         self._rate = rate_hz
         self._last = total - 1
         self._slack = slack
         self._before: Cycle | None = None
+        self._way, self._patience = way, math.inf
         self._fastest = np.where(np.isnan(limits.velocity), np.inf, limits.velocity)
         self.gaps = 0
         """Control cycles that never arrived."""
@@ -123,11 +140,30 @@ class Watchdog:
         # What the controller says of itself explains what follows from it: it comes first.
         abort = _state(cycle, playing=True) or _speed(cycle)
         if before is None and cycle.index < 0:
-            return abort or self._place(cycle)
+            return abort or self._place(cycle) or self._approach(cycle)
         self._before = cycle
         return (
             abort or self._clock(cycle, before) or self._order(cycle, before) or self._place(cycle)
         )
+
+    def _approach(self, cycle: Cycle) -> Abort | None:
+        """Another program that takes the robot over moves it elsewhere, or nowhere."""
+        if self._way is None:
+            return None
+        target = cycle.target_q
+        if math.isinf(self._patience):
+            self._way = np.vstack([target, self._way])
+            length = float(np.abs(np.diff(self._way, axis=0)).max(axis=1).sum())
+            self._patience = self._rate * (_WAIT_S + _SLOWNESS * length)
+        self._patience -= 1
+        steps = np.diff(self._way, axis=0)
+        square = np.maximum(np.square(steps).sum(axis=1), 1e-300)
+        along = np.clip(((target - self._way[:-1]) * steps).sum(axis=1) / square, 0.0, 1.0)
+        away = np.abs(self._way[:-1] + along[:, None] * steps - target).max(axis=1).min()
+        if away <= _OFF_WAY and self._patience > 0:
+            return None
+        what = f"{away:.3g} rad off its way to the start" if self._patience > 0 else "not arriving"
+        return Abort("program", f"the arm is {what}: another program has taken the robot over")
 
     def _clock(self, cycle: Cycle, before: Cycle | None) -> Abort | None:
         if before is None:
@@ -193,11 +229,11 @@ def _state(cycle: Cycle, *, playing: bool) -> Abort | None:
     if cycle.robot_mode != RobotMode.RUNNING:
         return Abort("mode", f"robot mode became {mode_name(RobotMode, cycle.robot_mode)}")
     if playing and cycle.runtime_state != RuntimeState.PLAYING:
-        return Abort(
-            "program",
-            f"the program on the controller is {mode_name(RuntimeState, cycle.runtime_state)}: "
-            "its watchdog was not fed in time, or someone stopped it",
-        )
+        paused = cycle.runtime_state in (RuntimeState.PAUSING, RuntimeState.PAUSED)
+        unfed = "its watchdog was not fed in time, or someone stopped it"
+        why = "someone paused it" if paused else unfed
+        state = mode_name(RuntimeState, cycle.runtime_state)
+        return Abort("program", f"the program on the controller is {state}: {why}")
     return None
 
 

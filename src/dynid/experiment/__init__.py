@@ -5,6 +5,7 @@ from dynid.experiment.plan import RunResult as RunResult
 from dynid.experiment.plan import interruptible as interruptible
 from dynid.experiment.plan import run as run
 from dynid.experiment.plan import stop_on_signals as stop_on_signals
+from dynid.experiment.preflight import Approach as Approach
 from dynid.experiment.preflight import check_design as check_design
 from dynid.experiment.preflight import check_robot as check_robot
 from dynid.experiment.preflight import plan_approach as plan_approach

@@ -242,7 +242,7 @@ class RunResult:
     outcome: Outcome
     """Of the recorded pass, or of the pass that was ended early."""
     stopped_in: str | None
-    """The pass in which the robot was stopped; None if it was not."""
+    """The pass in which the robot was stopped; None if it was not, or had not moved."""
 
 
 def run(

@@ -6,6 +6,7 @@ The way is straight where that is free, else searched in joint space.
 from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import pairwise
+from threading import Event
 
 import numpy as np
 
@@ -209,7 +210,12 @@ class Approach:
 
 
 def plan_approach(
-    q: Array, start: Array, constraints: MotionConstraints, *, seed: int = 0
+    q: Array,
+    start: Array,
+    constraints: MotionConstraints,
+    *,
+    seed: int = 0,
+    cancel: Event | None = None,
 ) -> Approach:
     """Find and certify a way to the start.
 
@@ -218,6 +224,7 @@ def plan_approach(
         start: (n) the start of the motion [rad or m].
         constraints: What the way is held to.
         seed: Of the search; the same seed gives the same way.
+        cancel: Ends the search when it is set: nothing was found then.
 
     Returns:
         The straight way where it passes the certificate, else one through way points, each
@@ -231,10 +238,12 @@ def plan_approach(
         return Approach(poses=straight)
     bounds = constraints.settings.bounds
     beyond = (straight < bounds.lower - _ROUNDING) | (straight > bounds.upper + _ROUNDING)
-    if beyond.any():
-        # Every way has its ends.
-        return Approach(poses=straight, refused=verdict)
-    for number, (room, growths) in enumerate(SEARCHES):
+    still = np.zeros_like(straight)
+    # Every way has its ends.
+    ends = not beyond.any() and constraints.usage(straight, still, still).feasible
+    for number, (room, growths) in enumerate(SEARCHES if ends else ()):
+        if cancel is not None and cancel.is_set():
+            break
         space = FreeSpace(constraints, q, start, speed=APPROACH_SPEED, room=room)
         poses = find_way(space, np.random.default_rng([seed, number]), growths)
         if poses is not None and all(
@@ -259,7 +268,7 @@ _STEPS = {
     "model": "Design for the robot that is there.",
     "rate": "Design for the robot that is there.",
     "robot mode": "Switch it on and release its brakes at the pendant.",
-    "safety mode": "Clear the cause, then release the stop at the pendant.",
+    "safety mode": "Clear its cause: release a stop, or leave reduced mode, at the pendant.",
     "program": "Stop the program at the pendant.",
     "speed slider": "Set the speed slider to 100 %.",
     "at rest": "Wait until nobody moves it.",

@@ -27,6 +27,7 @@ from dynid.core import (
     write_json,
 )
 from dynid.experiment import (
+    Approach,
     ExperimentPlan,
     RunResult,
     check_design,
@@ -199,6 +200,8 @@ class Run:
             if self.record.suffix != ".parquet":
                 step = f"Read it: dynid import {shlex.quote(str(self.record))} -o OTHER.parquet"
         where = f"the robot was stopped in the pass '{self.result.stopped_in}'"
+        if self.result.stopped_in is None:
+            where = "nothing has moved"
         raise JobError(f"{where}: {abort.message}; {kept}", next_step=step)
 
 
@@ -271,9 +274,12 @@ def run_design(
                 torque_rms=np.sqrt(np.square(torque).mean(axis=0)).tolist(),
             )
         return finished
-    plan = _made_ready(plan, state, loaded, asked, confirm)
+    ready = _made_ready(plan, state, loaded, asked, confirm, cancel)
+    if ready is None:
+        outcome = drivers.Outcome(samples=0, periods=0, gaps=0, abort=drivers.INTERRUPTED)
+        return Run(result=RunResult(outcome=outcome, stopped_in=None), record=None, design=loaded)
     driver = drivers.ServojDriver(state) if asked.method == "servoj" else drivers.UrDriver(state)
-    return _execute(plan, driver, loaded, asked, path, cancel, progress)
+    return _execute(ready, driver, loaded, asked, path, cancel, progress)
 
 
 def load_design(path: Path, asked: RunSettings) -> design_files.StoredDesign:
@@ -298,8 +304,11 @@ def _made_ready(
     loaded: design_files.StoredDesign,
     asked: RunSettings,
     confirm: Confirm | None,
-) -> ExperimentPlan:
+    cancel: Event | None,
+) -> ExperimentPlan | None:
     """The plan with its way to the start: check the design, then the robot, then ask.
+
+    None where `cancel` was set meanwhile.
 
     Raises:
         InputError: A design that must not run, or nobody agrees.
@@ -307,7 +316,12 @@ def _made_ready(
     """
     _, constraints = design_files.judge_of(loaded, asked)
     certificate = check_design(plan, constraints, asked.accept_unjudged)
-    approach = plan_approach(state.q, plan.start, constraints)
+    # What a person has to clear first is told at once, not after the search for a way.
+    there = Approach(poses=np.stack([state.q, plan.start]))
+    require_ready(check_robot(plan, state, there), state.host)
+    approach = plan_approach(state.q, plan.start, constraints, cancel=cancel)
+    if cancel is not None and cancel.is_set():
+        return None
     checks = check_robot(plan, state, approach)
     require_ready(checks, state.host)
     if confirm is not None:

@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from typing import Any, ClassVar
 
+import numpy as np
+
 from dynid.core import Array, InputError, JobError, Progress, require
 from dynid.drivers.driver import (
     INTERRUPTED,
@@ -96,7 +98,11 @@ class RtdeDriver(Driver):
 
         def record(converse: Converse) -> Outcome:
             watchdog = Watchdog(
-                execution.limits, execution.rate_hz, execution.total, slack=self.slack
+                execution.limits,
+                execution.rate_hz,
+                execution.total,
+                slack=self.slack,
+                way=np.stack([*execution.via, execution.setpoints()[0]]),
             )
             with closing(RtdeLink(host)) as link:
                 names = recorded_names(link.version[:3], self.index)
