@@ -70,6 +70,9 @@ def test_stop_stops_the_robot_and_keeps_what_was_recorded(motion: Path, tmp_path
     state = job.wait(PATIENCE)
     assert state.result is not None
     assert state.result["cause"]["code"] == "interrupted"
+    # What is aborted is not called done.
+    assert "stopped: it was interrupted" in state.what
+    assert state.share < 1.0
     record = read_record(path)
     assert tail.samples <= record.samples == state.result["samples"] < 1000 * CYCLES
     assert record.metadata.extra["abort"] == "interrupted"

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -193,7 +196,10 @@ def test_keys_do_what_buttons_do(visited: Visited) -> None:
     assert visit.page.locator("#panel").get_attribute("aria-label") == "Design"
     keyboard.press("Space")
     until(lambda: visit.app("app.playing"), visit)
-    keyboard.press("Escape")
+    # What runs may be unknown here: STOP is sent always, and where nothing runs it is no error.
+    with visit.page.expect_response("**/do/stop") as told:
+        keyboard.press("Escape")
+    assert told.value.ok
     assert visit.app("app.playing") is False
     # A button that was pressed last takes the keys that press it, no others.
     visit.page.locator("#play").focus()
@@ -384,8 +390,38 @@ def test_stop_arrives_from_one_of_many_tabs(browser: Any, studio: tuple[Page, st
     context.close()
 
 
+def test_a_stop_that_is_not_delivered_is_said_and_what_is_old_is_called_old(
+    browser: Any, tmp_path: Path
+) -> None:
+    write_motion(tmp_path / "motion.json", period=4.0)
+    command = [sys.executable, "-m", "dynid", "studio", str(tmp_path), "--port", "0", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        try:
+            assert process.stdout is not None
+            visit = Visit(browser, json.loads(process.stdout.readline())["url"])
+            visit.step("Run")
+            visit.page.get_by_label("Periods").fill("900")
+            visit.primary("Run the simulated robot")
+            visit.page.locator("#title h2", has_text="of 900").wait_for()
+        finally:
+            process.kill()
+    visit.page.keyboard.press("Escape")
+    alert = visit.page.get_by_role("alert")
+    alert.get_by_text("STOP was not delivered: use the emergency stop of the robot").wait_for()
+    visit.page.locator("#title h2", has_text="No connection").wait_for()
+    title = visit.page.locator("#title p").inner_text()
+    assert title.startswith("last known: Period ")
+    assert "m/s" not in title
+    assert visit.page.locator("#job p").inner_text().startswith("last known: ")
+    assert visit.page.locator("#primary").inner_text() == "No connection"
+    visit.page.close()
+
+
 def test_a_run_beside_an_open_page_loses_no_sample_and_can_be_stopped(
-    visited: Visited, studio: tuple[Page, str], folder: Path
+    visited: Visited,
+    studio: tuple[Page, str],
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     page, _ = studio
     session = page.session
@@ -404,7 +440,7 @@ def test_a_run_beside_an_open_page_loses_no_sample_and_can_be_stopped(
     assert job.state.error is None
     assert job.state.result is not None
     assert job.state.result["cause"] is None
-    visit.page.get_by_text("samples, 0 gaps").wait_for()
+    visit.page.locator("#job .good", has_text="samples, 0 gaps").wait_for()
     record = read_record(folder / "record.parquet")
     assert record.samples == 2 * CYCLES
     assert np.abs(np.diff(record.t) - 0.008).max() < 1e-6
@@ -414,16 +450,37 @@ def test_a_run_beside_an_open_page_loses_no_sample_and_can_be_stopped(
     visit.primary("Continue to identify")
     assert visit.page.get_by_label("Recording").input_value() == "record.parquet"
     visit.step("Run")
-    visit.page.locator("#f-motion").select_option("motion.json")
-    until(lambda: session.motion.name == "motion.json", visit)
+    # The recording is shown, and the design is still the one to run.
+    assert visit.page.locator("#f-motion").input_value() == "motion.json"
     visit.page.get_by_label("Robot").fill("sim")
     visit.page.get_by_label("Periods").fill("900")
     visit.page.get_by_label("File").fill("stopped.parquet")
-    visit.primary("Run the simulated robot")
+    visit.page.get_by_role("button", name="Run again").click()
     until(lambda: bool(visit.app("app.live && app.live.t.length")), visit)
+    assert session.motion.name == "motion.json"
+    # A long recording is opened for a while.
+    open_it, take = threading.Event(), page._take_result
+    monkeypatch.setattr(page, "_take_result", lambda *of: open_it.wait(PATIENCE_MS) and take(*of))
+    # That a STOP is not answered is said until it is.
+    held: list[Any] = []
+    visit.page.route("**/do/stop", lambda route: held.append(route))
     visit.page.keyboard.press("Escape")
+    alert = visit.page.get_by_role("alert")
+    alert.get_by_text("STOP is not answered: use the emergency stop of the robot").wait_for()
+    held[0].continue_()
+    alert.wait_for(state="hidden")
+    visit.page.unroute("**/do/stop")
+    visit.page.locator("#job p", has_text="stopped: it was interrupted").wait_for()
+    assert visit.page.locator("#primary").inner_text() == "The result is opened"
+    visit.page.locator("#title h2", has_text="The run is over").wait_for()
+    open_it.set()
     until(lambda: session.job is not job and session.job.state.ended, visit)
-    visit.page.get_by_text("stopped: it was interrupted").wait_for()
+    visit.page.locator("#job .warn", has_text="stopped: it was interrupted").wait_for()
+    assert visit.page.locator("#f-motion").input_value() == "motion.json"
+    assert visit.page.locator("#primary").inner_text() == "Run the simulated robot"
+    assert visit.page.locator("#primary").is_enabled()
+    visit.page.locator("#f-motion").select_option("")
+    visit.page.locator("#primary:disabled", has_text="Choose a design").wait_for()
     assert read_record(folder / "stopped.parquet").metadata.extra["abort"] == "interrupted"
     visit.check()
 

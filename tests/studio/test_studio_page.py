@@ -101,6 +101,19 @@ def test_run_then_identify_then_export_and_report(page: Page) -> None:
     assert (folder / "estimate.py").exists()
 
 
+def test_a_design_is_run_again_while_its_recording_is_shown(page: Page) -> None:
+    for name in ("record.parquet", "again.parquet"):
+        assert page.state()["design"] == "motion.json"
+        do(page, "run", target="sim", repeat=900, slow=False, file=name)
+        assert page.state()["motion"] == "motion.json"
+        until(page, lambda: page.state()["tail"] is not None)
+        do(page, "stop")
+        until(page, lambda: ended(page))
+        assert page.state()["motion"] == name
+    # Where nothing runs a STOP is no error.
+    assert do(page, "stop") == {}
+
+
 def test_a_design_from_the_page_is_played_and_certified(page: Page) -> None:
     session = page.session
     do(page, "add", kind="floor")

@@ -83,6 +83,11 @@ class JobState:
     history: tuple[tuple[float, float], ...] = ()
     """Seconds since the start, and the criterion of the best motion of a search."""
 
+    @property
+    def over(self) -> bool:
+        """Whether all is done but the end of its process."""
+        return self.result is not None or self.error is not None
+
 
 class Supervisor:
     """One job in a process of its own.
@@ -305,12 +310,14 @@ def main() -> int:
         talk.listen()
         result = _DO[job.kind](job, talk)
     except DynidError as error:
-        talk.say({"error": error.line})
+        talk.say({"error": error.line, "what": error.line})
         return error.exit_code
     except KeyboardInterrupt:
-        talk.say({"error": "stopped before there was a result"})
+        stopped = "stopped before there was a result"
+        talk.say({"error": stopped, "what": stopped})
         return 130
-    talk.say({"result": result, "share": 1.0, "what": "done"})
+    # A run that was stopped has a result too: its own words say how it ended.
+    talk.say({"result": result, "what": result["words"]})
     return 0
 
 

@@ -32,7 +32,7 @@ FILES = {
 """What a job's file is called unless its name is typed; numbered where there is one."""
 EXPORTS = {"urdf": ".urdf", "mjcf": ".xml", "c": ".h", "python": ".py", "json": ".json"}
 """Formats of models, and how their files end."""
-TOLD = ("what", "share", "ask", "word", "stopping", "history")
+TOLD = ("what", "share", "ask", "word", "stopping", "over", "history")
 """What the page hears of a job's state."""
 ROBOT_FILES = (".urdf", ".toml")
 _TICK_S = 0.1
@@ -186,6 +186,7 @@ class Page:
                     for name, item in session.motions.items()
                 ],
                 "motion": session.motion.name if session.motion.name in session.motions else "",
+                "design": session.design,
                 "verdict": facts.verdict(session),
                 "scene": {
                     "changes": editor.changes,
@@ -332,10 +333,13 @@ class Page:
 
     def _run(self, asked: JsonFields) -> None:
         session = self.session
-        chosen = session.motions.get(session.motion.name)
-        if chosen is None or chosen.trajectory is None:
+        chosen = session.motions.get(session.design)
+        if chosen is None:
             raise InputError("choose a design first", value=session.motion.name)
         session.check_idle()
+        # What is measured is shown beside what the design expects.
+        session.choose(chosen.name)
+        session.certify()
         self._asked_changes = session.editor.changes
         options = {
             "repeat": asked.whole("repeat"),
@@ -402,6 +406,8 @@ class Page:
         }
         if (result := state.result) is not None:
             ending = {"words": result["words"], "level": result["level"]}
+            # Its words are told before its file is opened, which may take long.
+            self._tell()
             try:
                 self._take_result(job.job, result)
             except (DynidError, OSError) as error:

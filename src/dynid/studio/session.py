@@ -304,6 +304,8 @@ class Session:
         self._certifying = threading.Lock()
         self.job: Supervisor | None = None
         self.motion = held(_middle(opened))
+        self.design = ""
+        """Name of the design that is run next."""
         self._judged = -1
         self.judge()
         if self.motions:
@@ -341,6 +343,9 @@ class Session:
         """Show another motion; no name holds a pose."""
         with self.lock:
             self.motion = self.motion_named(name) if name else held(self.motion.at(0.0)[0])
+            # A recording is shown in place of its design, which can be run again.
+            if self.motion.record is None:
+                self.design = name
 
     def motion_named(self, name: str) -> OpenMotion:
         """A motion by its name."""

@@ -81,11 +81,11 @@ function fill(app, ...nodes) {
   $("panel").setAttribute("aria-label", steps[app.step].title);
 }
 
-function motionPicker(app, wanted, label) {
-  const { state } = app, names = state.motions.filter(wanted).map((m) => m.name);
-  return region(`motion-${app.step}`, [names, state.motion, app.step], () => {
+function motionPicker(app, wanted, label, chosen) {
+  const names = app.state.motions.filter(wanted).map((m) => m.name);
+  return region(`motion-${app.step}`, [names, chosen, app.step], () => {
     const options = [["", "none"], ...names.map((name) => [name, name])];
-    typed.motion = names.includes(state.motion) ? state.motion : "";
+    typed.motion = names.includes(chosen) ? chosen : "";
     return h("section", {}, pick(label, "motion", options, (name) => app.do("choose", { name })));
   });
 }
@@ -128,7 +128,7 @@ function jobView(app, kinds) {
   const job = app.state.job;
   const own = job && (kinds.includes(job.kind) || (job.kind === "import" && (!job.ended || job.level === "bad")));
   const words = app.words || (own && job.ended ? { text: job.words, level: job.level } : null);
-  const facts = [words, own && !job.ended && [job.kind, job.ask, job.stopping], app.step, fresh(app, "design")];
+  const facts = [words, own && !job.ended && [job.kind, job.ask, job.stopping], app.step, fresh(app, app.step)];
   const shown = $("job");
   const node = region("job", facts, () => {
     const box = h("div", { id: "job", "aria-live": "polite" });
@@ -139,7 +139,8 @@ function jobView(app, kinds) {
         box.append(h("p", { class: "warn ask", text: job.ask }), field(`Type ${job.word}`, "word", { autocomplete: "off", spellcheck: "false", after: () => app.render() }));
       } else if (job.kind === "design") box.append(h("button", { class: "quiet wide", text: "Stop, keep the best", onclick: () => app.do("stop") }));
     } else if (words && words.text) box.append(h("p", { class: words.level, text: words.text }));
-    if (fresh(app, "design") && app.step === "design") box.append(h("button", { class: "quiet wide", text: "Search again", onclick: () => design.search(app) }));
+    const again = { design: "Search again", run: "Run again" }[app.step];
+    if (again && fresh(app, app.step)) box.append(h("button", { class: "quiet wide", text: again, onclick: () => steps[app.step].begin(app) }));
     return box;
   });
   if (!node.isConnected) $("job").replaceWith(node);
@@ -149,7 +150,8 @@ function jobView(app, kinds) {
     $("f-word").scrollIntoView({ block: "center" });
   }
   if (own && !job.ended) {
-    set(node.children[0], job.stopping ? "stopping" : job.what);
+    const what = job.stopping && !job.over ? "stopping" : job.what;
+    set(node.children[0], app.cut ? `last known: ${what}` : what);
     node.children[1].value = job.share;
   }
 }
@@ -165,7 +167,7 @@ function fresh(app, kind) {
 }
 const busy = (app) => Boolean(app.state.job && !app.state.job.ended);
 const running = (app, kind) => busy(app) && app.state.job.kind === kind;
-const waits = (app) => (app.state.job.ask ? "Waiting for confirmation in Run" : { run: "The robot runs", design: "Searching", identify: "Identifying", import: "Reading a log" }[app.state.job.kind]);
+const waits = (app) => (app.cut ? "No connection" : app.state.job.over ? "The result is opened" : app.state.job.ask ? "Waiting for confirmation in Run" : { run: "The robot runs", design: "Searching", identify: "Identifying", import: "Reading a log" }[app.state.job.kind]);
 
 function sceneEditor(app) {
   const { shapes } = app.scene, shape = shapes.find((one) => one.number === app.chosen);
@@ -251,15 +253,15 @@ const design = {
         field("Harmonics", "harmonics", { type: "number", min: 2, max: 20, step: 1, placeholder: "up to 1 Hz" }),
         field("Seed", "seed", { type: "number", min: 0, step: 1 }), fileField(app, "design"))));
     const has = app.state.motions.some((m) => m.design);
-    fill(app, has ? motionPicker(app, () => true, "Shown") : null, form, sceneEditor(app), marginList(app), poseEditor(app), dropHint(app), notes(app));
+    fill(app, has ? motionPicker(app, () => true, "Shown", app.state.motion) : null, form, sceneEditor(app), marginList(app), poseEditor(app), dropHint(app), notes(app));
     jobView(app, ["design"]);
     this.next = fresh(app, "design");
     primary(this.next ? "Continue to the run" : busy(app) ? waits(app) : "Design a motion", !busy(app));
   },
   act(app) {
-    return this.next ? app.go("run") : this.search(app);
+    return this.next ? app.go("run") : this.begin(app);
   },
-  search(app) {
+  begin(app) {
     const { criterion, period_s, harmonics, budget_s, seed } = typed;
     const asked = Number.isFinite(harmonics) ? harmonics : null;
     return app.do("design", { criterion, period_s, harmonics: asked, budget_s, seed, file: takeName("design") });
@@ -274,20 +276,22 @@ const run = {
       h("p", { class: "hint", text: "sim, or ur://HOST for a real robot" }),
       field("Periods", "repeat", { type: "number", min: 1, max: 1000, step: 1 }),
       field("Slow first pass (20 %)", "slow", { type: "checkbox" }), fileField(app, "run")));
-    fill(app, motionPicker(app, (m) => m.design, "Design"), form, marginList(app));
+    fill(app, motionPicker(app, (m) => m.design, "Design", app.state.design), form, marginList(app));
     jobView(app, ["run"]);
     const job = app.state.job, asks = running(app, "run") && job.ask;
-    const design = app.state.motions.some((m) => m.design && m.name === app.state.motion);
     this.next = fresh(app, "run");
     if (asks) primary("Move the robot", typed.word.trim() === job.word);
     else if (busy(app)) primary(waits(app), false);
     else if (this.next) primary("Continue to identify");
-    else primary(typed.target.trim() === "sim" ? "Run the simulated robot" : `Run on ${typed.target.replace("ur://", "")}`, design);
+    else if (!app.state.design) primary(app.state.motions.some((m) => m.design) ? "Choose a design" : "Make a design first", false);
+    else primary(typed.target.trim() === "sim" ? "Run the simulated robot" : `Run on ${typed.target.replace("ur://", "")}`);
   },
   act(app) {
     const job = app.state.job;
     if (running(app, "run") && job.ask) return app.do("answer", { word: typed.word });
-    if (this.next) return app.go("identify");
+    return this.next ? app.go("identify") : this.begin(app);
+  },
+  begin(app) {
     return app.do("run", { target: typed.target, repeat: typed.repeat, slow: typed.slow, file: takeName("run") });
   },
 };

@@ -8,6 +8,7 @@ const $ = (id) => document.getElementById(id);
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const RUN_FRAME_MS = 120;
 const CUT_MS = 2500;
+const STOP_MS = 1500;
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
 
 export const app = {
@@ -33,10 +34,9 @@ let acts = 0, spoke = 0;
 async function act(name, fields = {}) {
   const turn = name === "judge" ? 0 : ++acts;
   try {
-    const response = await fetch(`/do/${name}`, { method: "POST", body: JSON.stringify(fields) });
-    const found = await answer(response);
+    const found = await (name === "stop" ? deliverStop() : post(name, fields));
     if (name !== "judge") {
-      if (turn > spoke) {
+      if (turn > spoke && name !== "stop") {
         spoke = turn;
         app.words = found.words ? { text: found.words, level: "good" } : null;
       }
@@ -44,10 +44,37 @@ async function act(name, fields = {}) {
     }
     return found;
   } catch (error) {
-    if (name !== "judge") app.words = { text: String(error.message), level: "bad" };
+    if (name !== "judge" && name !== "stop") app.words = { text: String(error.message), level: "bad" };
     render();
     return null;
   }
+}
+
+async function post(name, fields) {
+  return answer(await fetch(`/do/${name}`, { method: "POST", body: JSON.stringify(fields) }));
+}
+// Somebody relies on STOP: that it fails, or takes long, is said over all else.
+async function deliverStop() {
+  const late = setTimeout(alarm, STOP_MS, "STOP is not answered");
+  try {
+    const found = await post("stop", {});
+    alarm("");
+    return found;
+  } catch (error) {
+    alarm("STOP was not delivered");
+    throw error;
+  } finally {
+    clearTimeout(late);
+  }
+}
+function alarm(said) {
+  set($("alarm"), said && `${said}: use the emergency stop of the robot`);
+  $("alarm").hidden = !said;
+  if (!said || !app.state) return;
+  // What is shown is old until the server is heard again.
+  app.cut = true;
+  hear();
+  render();
 }
 
 async function start() {
@@ -101,6 +128,8 @@ async function follow(state) {
   // What was asked for may arrive after the news that followed it.
   if (old && old.opened === state.opened && state.version < old.version) return;
   app.state = state;
+  // It has ended without that STOP; of what another studio had started, this one knows nothing.
+  if (old && old.opened === state.opened && !(state.job && !state.job.ended)) alarm("");
   if (!old || old.opened !== state.opened) {
     app.robot = await look("robot");
     view.setRobot(app.robot);
@@ -288,8 +317,10 @@ function headline(at) {
         ? `Period ${Math.min(Math.floor(at / app.motion.duration) + 1, job.repeat)} of ${job.repeat}`
         : job.ask ? "Waiting for confirmation" : job.what;
     } else [text, more] = [{ design: "Searching", identify: "Identifying", import: "Reading the log" }[job.kind], job.what];
-    if (job.stopping) text = "Stopping";
+    if (job.over) [text, more] = [`The ${job.kind} is over`, job.what];
+    else if (job.stopping) text = "Stopping";
   }
+  if (app.cut) [text, more] = ["No connection", `last known: ${text}`];
   set(big, text);
   set(small, more);
 }
@@ -352,8 +383,8 @@ function go(step) {
 }
 function stop() {
   app.playing = false;
-  // Before the first answer of the server nobody knows what runs.
-  if (!app.state || (app.state.job && !app.state.job.ended)) act("stop");
+  // Always: what runs may be unknown here, and where nothing runs the server does nothing.
+  act("stop");
   if (app.state) changed();
 }
 
@@ -404,10 +435,10 @@ function render() {
   set($("robot"), app.robot.name.toUpperCase());
   const link = $("link");
   link.className = app.cut ? "cut" : busy ? "busy" : "";
-  set(link.children[1], app.cut ? "Cut off" : busy ? { run: "Running", design: "Searching", identify: "Identifying", import: "Reading" }[job.kind] : "Connected");
-  set(link.lastElementChild, busy && job.kind === "run" ? `${app.live ? app.live.samples : 0} samples` : `${state.folder}`);
-  $("stop").classList.toggle("moving", busy && job.kind === "run");
-  $("stop").setAttribute("aria-label", busy ? "STOP" : "STOP, nothing runs");
+  set(link.children[1], app.cut ? "Cut off" : busy && job.over ? "Finishing" : busy ? { run: "Running", design: "Searching", identify: "Identifying", import: "Reading" }[job.kind] : "Connected");
+  set(link.lastElementChild, app.cut ? "what is shown is old" : busy && job.kind === "run" ? `${app.live ? app.live.samples : 0} samples` : `${state.folder}`);
+  $("stop").classList.toggle("moving", busy && job.kind === "run" && !job.over);
+  $("stop").setAttribute("aria-label", busy || app.cut ? "STOP" : "STOP, nothing runs");
   renderSteps(state);
   renderTools();
   plotHead();
