@@ -15,10 +15,12 @@ from typing import Any
 import numpy as np
 import pytest
 from designed_arm import written_arm
+from numpy.typing import ArrayLike
 
 import dynid
 from dynid.core import plain
 from dynid.regressor import parse_terms
+from dynid.trajectory import JointMotion, Trajectory
 
 PAPER = dynid.IdentifySettings(
     preset="paper", estimator="wls", cutoff_hz=10.0, terms=parse_terms("fc,fv,im", width=0.01)
@@ -135,10 +137,9 @@ def written(given: Given, out: Path) -> str:
     return stored(dynid.read_design(out))[2]["digest"]["robot"]
 
 
-def seen(given: Given) -> Any:
+def seen(estimate: Any, record: Any) -> Any:
     """What an observer sees of a recording."""
-    known = dynid.read_estimate(given.folder / "estimate.json")
-    return dynid.MomentumObserver(estimate=known).of_record(given.record)
+    return dynid.MomentumObserver(estimate=estimate).of_record(record)
 
 
 RUN = dynid.RunSettings(repeat=2)
@@ -261,7 +262,11 @@ CASES: dict[str, tuple[str, Callable[[Given, Path], Any]]] = {
             dynid.import_recording(g.folder / "record.parquet", out, robot=g.robot).record
         ),
     ),
-    "MomentumObserver.of_record": ("record", lambda g, _: seen(g)),
+    "MomentumObserver": ("estimate record", lambda g, _: seen(g.estimate, g.record)),
+    "MomentumObserver, temperature laws": (
+        "temperature record",
+        lambda g, _: seen(g.temperature, g.record),
+    ),
 }
 """What each call takes, and the call, whose answer can be compared."""
 
@@ -384,6 +389,8 @@ def test_what_is_neither_is_refused(objects: Given) -> None:
         dynid.compare(3, objects.estimate)
     with pytest.raises(dynid.InputError, match="not a trajectory, a design or its file"):
         dynid.simulate_recording(objects.robot, 3)
+    with pytest.raises(dynid.InputError, match="not an estimate or its file"):
+        dynid.MomentumObserver(estimate=objects.record)  # type: ignore[arg-type]
     with pytest.raises(dynid.InputError, match="settings of a design name files"):
         dynid.DesignSettings(previous=(objects.record,))
 
@@ -398,6 +405,71 @@ def test_a_trajectory_of_ones_own_is_checked_and_run_beside_a_robot(tmp_path: Pa
     assert not run.to_json()["aborted"]
     with pytest.raises(dynid.InputError, match="which robot"):
         dynid.check(motion)
+
+
+class Own(Trajectory):
+    """The motion of another one, of a class that no file knows."""
+
+    def __init__(self, motion: Trajectory, duration: float | None = None) -> None:
+        self.motion = motion
+        self.length = motion.duration if duration is None else duration
+
+    @property
+    def joints(self) -> int:
+        return self.motion.joints
+
+    @property
+    def duration(self) -> float:
+        return self.length
+
+    def evaluate(self, t: ArrayLike) -> JointMotion:
+        return self.motion.evaluate(t)
+
+
+def test_a_trajectory_of_a_class_of_ones_own_is_judged_from_samples(
+    objects: Given, tmp_path: Path
+) -> None:
+    robot = objects.robot
+    known = dynid.random_excitation(robot.limits, seed=1, margin=0.8)
+    wild = replace(known, a=4 * known.a, b=4 * known.b)
+    for motion, holds in ((known, True), (wild, False)):
+        found, own = (
+            dynid.check(one, robot=robot, limits="paper").certificate
+            for one in (motion, Own(motion))
+        )
+        assert own.holds == found.holds == holds
+        assert own.broken == found.broken
+        assert own.proven == ()
+        for kind, margin in found.margins.items():
+            assert own.margins[kind] == pytest.approx(margin, abs=0.02)
+    with pytest.raises(dynid.InputError, match="another robot"):
+        dynid.check(Own(known), robot="ur5")
+    for duration in (0.0, math.inf, math.nan):
+        with pytest.raises(dynid.InputError, match="duration"):
+            dynid.check(Own(known, duration), robot=robot)
+    with pytest.raises(dynid.InputError, match="no file form") as caught:
+        dynid.run_design(
+            Own(known), tmp_path / "run.parquet", settings=dynid.RunSettings(robot=robot)
+        )
+    assert "dynid.check" in str(caught.value.next_step)
+
+
+def test_a_trajectory_is_written_without_more_and_keeps_what_it_knows(
+    objects: Given, tmp_path: Path
+) -> None:
+    motion = dynid.random_excitation(objects.robot.limits, seed=1)
+    dynid.write_trajectory(motion, tmp_path / "bare.json")
+    found = dynid.read_trajectory(tmp_path / "bare.json")
+    assert plain(found.trajectory) == plain(motion)
+    assert np.isnan(found.limits.velocity).all()
+    assert found.provenance.versions
+    with pytest.raises(dynid.InputError, match="Pass robot"):
+        dynid.check(tmp_path / "bare.json")
+    dynid.check(tmp_path / "bare.json", robot=objects.robot, limits="paper")
+    dynid.write_trajectory(objects.trajectory, tmp_path / "again.json")
+    assert text_of(tmp_path / "again.json") == text_of(objects.folder / "trajectory.json")
+    dynid.write_trajectory(objects.trajectory, tmp_path / "moved.json", robot="elsewhere.toml")
+    assert dynid.read_trajectory(tmp_path / "moved.json").robot == "elsewhere.toml"
 
 
 def test_recordings_remember_a_robot_that_is_given_as_an_object(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from dynid.constraints.collision import CollisionBodies, JudgedPairs
 from dynid.constraints.extremes import BEYOND, Extremes, dense_times, extremes, least_value
 from dynid.constraints.motion import MotionConstraints
 from dynid.core import Array, InputError, plain
-from dynid.trajectory import JointMotion, Repetition, Trajectory
+from dynid.trajectory import JointMotion, Repetition, Trajectory, require_positive
 
 ROUNDING = 1e-9
 """A limit that is met exactly may be missed by rounding."""
@@ -120,8 +120,9 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
     """Judge a motion from its start to its end.
 
     Raises:
-        InputError: A motion of another number of joints.
+        InputError: A motion of another number of joints, or of no duration.
     """
+    require_positive("the motion's duration", trajectory.duration)
     while isinstance(trajectory, Repetition):
         trajectory = trajectory.part
     parts = dense_times(trajectory)

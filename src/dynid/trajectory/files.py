@@ -20,6 +20,7 @@ from dynid.core import (
     provenance_from_json,
     write_json,
 )
+from dynid.core import provenance as made_now
 from dynid.trajectory.fourier import FourierFamily, FourierSeries, ModifiedFourierFamily
 from dynid.trajectory.points import MotionSequence, PointsFamily, PointToPoint, Repetition
 from dynid.trajectory.quintic import (
@@ -65,7 +66,13 @@ def trajectory_to_json(trajectory: Trajectory) -> dict[str, Any]:
     """
     kind = next((name for name, made in _KINDS.items() if type(trajectory) is made), None)
     if kind is None:
-        raise InputError("no file form for this trajectory", value=type(trajectory).__name__)
+        raise InputError(
+            "no file form for this trajectory",
+            value=type(trajectory).__name__,
+            limit=tuple(_KINDS),
+            next_step="Files and runs need one of these; dynid.check and dynid.simulate_recording "
+            "take any trajectory beside a robot.",
+        )
     names = (item.name for item in fields(cast("Any", trajectory)))
     return {"type": kind, **{name: _plain(getattr(trajectory, name)) for name in names}}
 
@@ -135,22 +142,23 @@ class StoredTrajectory:
 
 
 def write_trajectory(
-    trajectory: Trajectory,
+    trajectory: Trajectory | StoredTrajectory,
     path: str | Path,
     *,
-    robot: str | Path,
-    limits: MotionBounds,
-    provenance: Provenance,
+    robot: str | Path = "",
+    limits: MotionBounds | None = None,
+    provenance: Provenance | None = None,
     extra: Mapping[str, Any] | None = None,
 ) -> None:
     """Write a trajectory as JSON; an interrupted write leaves the old file, or none.
 
     Args:
-        trajectory: The motion, of any kind of this package.
+        trajectory: The motion, of any kind of this package; or what `read_trajectory` found, whose
+            facts are kept where no other ones are given.
         path: File to write.
-        robot: Name or path of the robot.
-        limits: The limits it was made for, NaN where unknown.
-        provenance: How it was made.
+        robot: Name or path of the robot; without it, whoever takes the file needs `--robot`.
+        limits: The limits it was made for, NaN where unknown; default: all unknown.
+        provenance: How it was made; default: the time and the versions of now.
         extra: More to keep in the file, by key; JSON values.
 
     Raises:
@@ -164,6 +172,15 @@ def write_trajectory(
         old = "write_trajectory(path, trajectory) is now write_trajectory(trajectory, path)"
         warnings.warn(old, DeprecationWarning, stacklevel=3)
         trajectory, path = cast("Trajectory", path), trajectory
+    if isinstance(trajectory, StoredTrajectory):
+        robot, limits = robot or trajectory.robot, limits or trajectory.limits
+        provenance, extra = provenance or trajectory.provenance, extra or trajectory.extra
+        trajectory = trajectory.trajectory
+    if limits is None:
+        unknown = np.full(trajectory.joints, np.nan)
+        limits = MotionBounds(
+            **dict.fromkeys((item.name for item in fields(MotionBounds)), unknown)
+        )
     if limits.joints != trajectory.joints:
         raise InputError("joints of the limits", value=limits.joints, limit=trajectory.joints)
     taken = sorted(_OWN & set(extra or ()))
@@ -176,7 +193,7 @@ def write_trajectory(
         "trajectory": trajectory_to_json(trajectory),
         **(extra or {}),
         "limits": {item.name: plain(getattr(limits, item.name)) for item in fields(MotionBounds)},
-        "provenance": provenance.to_json(),
+        "provenance": (provenance or made_now()).to_json(),
     }
     write_json(Path(path), document)
 

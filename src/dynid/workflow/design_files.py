@@ -101,7 +101,7 @@ class StoredDesign:
     limits: DesignLimits | None
     """What it was designed for; None for a plain trajectory."""
     sha256: str
-    """Of the file."""
+    """Of the file; empty of a trajectory that was given as an object."""
     expected_percent: float | None = None
     """Torque error that one period is expected to leave [%]; None where the file has none."""
     changed: tuple[str, ...] = ()
@@ -166,18 +166,9 @@ def write_design(
         JobError: The disk does not take it.
     """
     if isinstance(design, Trajectory):
-        if robot is None:
-            raise InputError(
-                "a trajectory does not say which robot it is for", next_step="Pass --robot ROBOT."
-            )
-        design = StoredTrajectory(
-            trajectory=design,
-            robot=robot_reference(robot),
-            limits=load_robot(robot).limits.motion,
-            provenance=provenance(),
-        )
+        design = _beside(design, robot)
     if not isinstance(design, ExcitationDesign):
-        _write_stored(design.stored if isinstance(design, StoredDesign) else design, path)
+        write_trajectory(design.stored if isinstance(design, StoredDesign) else design, path)
         return
     facts = design.to_json()
     limits = limits_from_json(JsonFields(facts).object("limits"))
@@ -194,18 +185,28 @@ def write_design(
     facts["digest"] = _digest_of(
         stored, facts, limits, str(facts["limits"].pop(ROBOT, robot_hash(robot))), robot.tool
     )
-    _write_stored(replace(stored, extra={"design": facts}), path)
+    write_trajectory(stored, path, extra={"design": facts})
 
 
-def _write_stored(stored: StoredTrajectory, path: str | Path) -> None:
-    write_trajectory(
-        stored.trajectory,
-        path,
-        robot=stored.robot,
-        limits=stored.limits,
-        provenance=stored.provenance,
-        extra=stored.extra,
+def _beside(
+    trajectory: Trajectory, robot: RobotLike | None, asked: SceneSettings | None = None
+) -> StoredDesign:
+    """A trajectory, which needs no file form, for a robot beside it."""
+    if robot is None:
+        raise InputError(
+            "a trajectory does not say which robot it is for", next_step="Pass --robot ROBOT."
+        )
+    around = asked or SceneSettings()
+    folders = tuple(map(Path, around.mesh_dirs or ()))
+    model = load_robot(robot, mount=around.mount, mesh_dirs=folders)
+    _check_joints(trajectory, model, type(trajectory).__name__)
+    stored = StoredTrajectory(
+        trajectory=trajectory,
+        robot=robot_reference(robot),
+        limits=model.limits.motion,
+        provenance=provenance(),
     )
+    return StoredDesign(stored=stored, robot=model, facts={}, limits=None, sha256="")
 
 
 def read_design(
@@ -414,7 +415,8 @@ def check(
     """Judge a design from its start to its end, between samples too.
 
     Args:
-        design: A design or its file, any trajectory file, or a trajectory beside `robot`.
+        design: A design or its file, any trajectory file, or a trajectory beside `robot`. One of
+            a class of your own is judged from its samples alone: nothing is `proven`.
         settings: What it is held to, by default all that is safe, whatever the design was made
             for.
         robot: The robot, or another name or file of it.
@@ -424,8 +426,11 @@ def check(
         InputError: Not a design, a scene that makes no sense, or one that would not be looked at.
     """
     asked = replace(settings or LimitSettings(), **more)
-    with design_file(design, robot) as path:
-        stored = read_design(path, robot=robot, mount=asked.mount, mesh_dirs=asked.mesh_dirs)
+    if isinstance(design, Trajectory):
+        stored = _beside(design, robot, asked)
+    else:
+        with design_file(design, robot) as path:
+            stored = read_design(path, robot=robot, mount=asked.mount, mesh_dirs=asked.mesh_dirs)
     held, judge = judge_of(stored, asked)
     found = certify(stored.stored.trajectory, judge)
     return Check(design=stored, limits=held, certificate=found)
