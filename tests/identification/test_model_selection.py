@@ -288,7 +288,7 @@ def test_the_order_of_recordings_changes_nothing() -> None:
 def test_an_unknown_purpose_is_refused() -> None:
     with pytest.raises(InputError, match="purpose"):
         IdentifySettings(purpose="something")
-    with pytest.raises(InputError, match="estimator: unknown word; got 3"):
+    with pytest.raises(InputError, match=r"estimator: .*; got 3"):
         IdentifySettings(estimator=3)  # pyright: ignore[reportArgumentType]
 
 

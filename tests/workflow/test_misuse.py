@@ -209,9 +209,6 @@ def _fit(problem: dynid.IdentificationProblem, **changed: Any) -> dynid.Fit:
 @pytest.mark.parametrize(
     ("estimator", "message", "preset"),
     [
-        (Own, "derives from dynid.Estimator", "paper"),
-        # Before anything is searched for.
-        (Own, "derives from dynid.Estimator", "best"),
         (
             Own(lambda _: np.zeros(3)),
             "Own.fit: returned no Fit; got ndarray; allowed: dynid.Fit",
@@ -238,7 +235,25 @@ def test_an_estimator_of_ones_own_is_told_what_is_wrong(
     settings = dynid.IdentifySettings(preset=preset, estimator=estimator)
     with pytest.raises(InputError, match=message):
         dynid.identify(record, "ur5", settings, progress=lambda word, _: asked.append(word))
-    assert bool(asked) == (preset == "best" and estimator is not Own)
+    assert bool(asked) == (preset == "best")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "option"),
+    [
+        ({"estimator": Own}, "--estimator"),
+        ({"estimator": np.zeros(3)}, "--estimator"),
+        ({"estimator": type("Nothing", (), {"fit": Own.fit})()}, "--estimator"),
+        ({"terms": ["fc"]}, "--terms"),
+        ({"terms": "fc,xx"}, "--terms"),
+    ],
+)
+def test_settings_refuse_what_is_no_estimator_and_no_terms(
+    wrong: dict[str, Any], option: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        dynid.IdentifySettings(**wrong)
+    assert caught.value.where == option
 
 
 def test_names_stand_for_robots() -> None:

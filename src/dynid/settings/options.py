@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
+from importlib import import_module
 from numbers import Integral, Real
 from typing import Any, cast
 
@@ -39,6 +40,8 @@ class Option:
     """Reads the text; None where it is the value already."""
     many: bool = False
     """Whether it may be repeated."""
+    own: str = ""
+    """Class whose objects stand for text, by its name below `dynid`."""
     least: float = -FINITE
     most: float = FINITE
     """Bounds of a number, or of each number of several."""
@@ -120,16 +123,27 @@ def options_of(kind: type) -> dict[str, Option]:
 
 
 def check_options(settings: object) -> None:
-    """Refuse what no option takes.
+    """Refuse what no option takes; text in place of an object is read.
 
     Raises:
-        InputError: A word that is not known, no number where one is needed, or one out of bounds.
+        InputError: A word that is not known, an object of a wrong class, no number where one is
+            needed, or one out of bounds.
     """
     for name, declared in options_of(type(settings)).items():
         value: Any = getattr(settings, name)
-        # An estimator of one's own stands in place of a word.
-        if declared.words and value != declared.default and not hasattr(value, "fit"):
-            check_word(value, declared.words, declared.name)
+        if declared.own and not isinstance(value, str | None):
+            package, _, word = declared.own.rpartition(".")
+            if not isinstance(value, getattr(import_module(f"dynid.{package}"), word)):
+                raise InputError(
+                    f"neither text nor an object whose class is or derives from dynid.{word}",
+                    where=declared.name,
+                    value=repr(value),
+                    next_step=f"Pass such an object, or {declared.metavar} as text.",
+                )
+        elif declared.words and value != declared.default:
+            check_word(cast("str", value), declared.words, declared.name)
+        elif declared.own and declared.parse and value is not None:
+            object.__setattr__(settings, name, declared.parse(value, declared.name))
         number = not isinstance(value, bool) and isinstance(value, Real)
         if (number or declared.kind in NUMERIC) and not declared.allows(value):
             raise InputError(

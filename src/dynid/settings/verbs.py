@@ -366,7 +366,7 @@ class IdentifySettings(Settings):
     """Settings of an identification; None: by the preset.
 
     Raises:
-        InputError: An unknown preset, estimator or weighting.
+        InputError: An unknown preset, estimator, weighting or term.
     """
 
     preset: str = option(
@@ -378,6 +378,7 @@ class IdentifySettings(Settings):
         None,
         ("ols", "wls", "irls", "tls", "iv", "ml", "didim", "sdp", "bayes", "rls"),
         "Default: by the preset. sdp: physically consistent.",
+        own="identification.Estimator",
     )
     """Or an estimator of your own."""
     terms: "FrictionTerms | None" = option(
@@ -385,6 +386,7 @@ class IdentifySettings(Settings):
         "fc,fv,im[,..]",
         "Friction terms, each for all joints or for some; default: by the preset.",
         parse=_terms,
+        own="regressor.FrictionTerms",
     )
     """Text is read as by `parse_terms`."""
     purpose: str = option(
@@ -412,11 +414,6 @@ class IdentifySettings(Settings):
     )
     frames: str = ""
     """`dh`, `mdh` or `urdf`."""
-
-    def __post_init__(self) -> None:
-        if isinstance(self.terms, str):  # pyright: ignore[reportUnnecessaryIsInstance]
-            object.__setattr__(self, "terms", _terms(self.terms, "--terms"))
-        check_options(self)
 
     @property
     def estimator_word(self) -> str | None:

@@ -33,17 +33,6 @@ REGIONS_FROM = 1e-2
 that much to the prior."""
 
 
-def _require_estimator(settings: IdentifySettings) -> None:
-    asked = settings.estimator
-    if not isinstance(asked, identification.Estimator | str | None):  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise InputError(
-            "an estimator of your own is an object of a class that derives from dynid.Estimator",
-            where="estimator",
-            value=type(asked).__name__,
-            next_step="Write it as examples/own_estimator.py does.",
-        )
-
-
 def _estimator(
     settings: IdentifySettings, robot: RobotModel, choice: identification.Selection | None
 ) -> identification.Estimator:
@@ -216,7 +205,6 @@ def prepare(
 
     What the processing sets stays; `progress` is told how far it is (0 to 1).
     """
-    _require_estimator(settings)
     choice, words = None, ()
     if settings.preset == "best":
         choice, words = choose(records, robot, settings, processing, progress)
