@@ -100,3 +100,23 @@ def test_where_an_estimate_comes_from_is_checked(
     path.write_text(json.dumps(data))
     with pytest.raises(InputError, match=rf"provenance\.{key} must be a {said}"):
         read_estimate(path)
+
+
+def test_predictions_take_lists_and_refuse_what_does_not_fit(estimate: Estimate) -> None:
+    motion = [np.linspace(-0.5, 0.5, 18).reshape(3, 6) for _ in range(3)]
+    lists, state = [x.tolist() for x in motion], np.full((6, 3), 0.5)
+    same = np.testing.assert_array_equal
+    same(estimate.half_width(*lists), estimate.half_width(*motion))
+    same(estimate.predict(*lists, state.tolist()), estimate.predict(*motion, state))
+    for wrong in (state.T, state[:3], state[:, :2], "x", 1.0):
+        for call in (estimate.predict, estimate.half_width):
+            with pytest.raises(InputError, match="state"):
+                call(*motion, wrong)
+    for level in ("0.9", 2, True, float("nan")):
+        with pytest.raises(InputError, match="level"):
+            estimate.predict(*motion, interval=level)
+    for call in (estimate.half_width, estimate.predict, estimate.model.regressor):
+        with pytest.raises(InputError, match="dq"):
+            call(motion[0], motion[1][:2], motion[2])
+        with pytest.raises(InputError, match="q "):
+            call(*(x[0] for x in motion))

@@ -40,6 +40,10 @@ def test_gravity_is_predicted_better_than_published_and_within_intervals() -> No
         found = gravity_of(real.robot, q, torque)
         many, _, gravity = poses(real, seed + 100, 4000)
         error = found.predict(many) - gravity
+        np.testing.assert_array_equal(found.predict(many[:3].tolist()), found.predict(many[:3]))
+        with pytest.raises(InputError) as caught:
+            found.predict(many[0])
+        assert caught.value.limit == "(any, 6)"
         assert found.published is not None
         # Without noise all poses together show the true base parameters.
         true = gravity_of(real.robot, many, gravity)

@@ -107,3 +107,21 @@ def test_numbers_are_real_unmasked_and_no_dates(t: np.ndarray, what: str) -> Non
 def test_the_shape_that_positions_should_have_is_told(q: np.ndarray) -> None:
     with pytest.raises(InputError, match=r"allowed: \(200, any\)"):
         ExperimentRecord(t=np.arange(200) / 125, signals={"q": q})
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"signals": None},
+        {"signals": [np.zeros((2, 3))]},
+        {"signals": {"q": None}},
+        {"signals": {"q": 3.0}},
+        {"signals": {"q": [[1, 2], [3]]}},
+        {"channels": None},
+        {"metadata": None},
+        {"metadata": {"robot": "ur5"}},
+    ],
+)
+def test_recordings_of_other_types_are_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(InputError, match=r"signals|channels|metadata|q "):
+        ExperimentRecord(**{"t": [0.0, 1.0], "signals": {"q": np.zeros((2, 3))}} | wrong)

@@ -98,6 +98,9 @@ def test_all_forms_of_the_regressor_hold_the_same_numbers() -> None:
     # Joint-major rows: all samples of joint 1 first.
     np.testing.assert_array_equal(matrix[:11], regressor[:, 0])
     np.testing.assert_array_equal(matrix[33:], regressor[:, 3])
+    lists = [x.tolist() for x in state]
+    np.testing.assert_array_equal(model.regressor(*lists), regressor)
+    np.testing.assert_array_equal(model.observation_matrix(*lists), matrix)
     parameters = np.random.default_rng(5).normal(size=52)
     torque = model.inverse_dynamics(*state, parameters)
     np.testing.assert_allclose(torque, regressor @ parameters, rtol=SAME, atol=SAME)

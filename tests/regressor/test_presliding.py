@@ -131,3 +131,16 @@ def test_it_is_written_and_read_with_the_terms() -> None:
 def test_bad_displacements_are_refused(presliding: tuple[float, ...]) -> None:
     with pytest.raises(InputError, match="displacement"):
         InverseDynamicModel(robot=load_robot("ur5"), friction=FrictionTerms(presliding=presliding))
+
+
+def test_its_motion_is_checked_at_the_door() -> None:
+    q = np.linspace(0.0, 1.0, 60).reshape(10, 6)
+    for friction in (FrictionTerms(), FrictionTerms(presliding=(OVER,) * 6)):
+        model = InverseDynamicModel(robot=load_robot("ur5"), friction=friction)
+        found, listed = model.friction_state(q), model.friction_state(q.tolist())
+        assert (found is None) == (friction == FrictionTerms())
+        if found is not None:
+            np.testing.assert_array_equal(listed, found)
+        for wrong in (q[0], q[:, :3], "x"):
+            with pytest.raises(InputError, match="q "):
+                model.friction_state(wrong)

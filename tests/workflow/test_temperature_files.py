@@ -147,3 +147,24 @@ def test_damage_is_named(
     with pytest.raises(InputError, match=named) as caught:
         dynid.read_temperature(path)
     assert caught.value.where == str(path)
+
+
+def test_estimates_without_intervals_say_which_have_them(
+    found: dynid.TemperatureIdentification,
+) -> None:
+    record = recorded(28.0, 1)
+    shared = dynid.identify_shared(record, ROBOT, SETTINGS).estimates[0]
+    pose = np.zeros((1, 6))
+    for estimate in (found.estimate_at(20.0), shared):
+        with pytest.raises(InputError, match="shared inertias or temperatures") as caught:
+            estimate.predict(pose, pose, pose, interval=0.9)
+        assert "dynid identify" in str(caught.value.next_step)
+        assert "interval" not in dynid.validate(estimate, record).to_json()
+
+
+@pytest.mark.parametrize("degC", ["warm", [[20.0], [20.0, 30.0]], float("nan"), [20.0, 30.0]])
+def test_what_is_no_temperature_is_refused(
+    found: dynid.TemperatureIdentification, degC: Any
+) -> None:
+    with pytest.raises(InputError, match="temperature"):
+        found.estimate_at(degC)

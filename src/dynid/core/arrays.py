@@ -25,13 +25,13 @@ Mask = NDArray[np.bool_]
 
 
 def frozen(
-    values: ArrayLike, *, shape: tuple[int | None, ...], name: str, finite: bool = True
+    values: ArrayLike, *, shape: tuple[int | None, ...] | None, name: str, finite: bool = True
 ) -> Array:
     """A read-only float64 copy of `values`.
 
     Args:
         values: Anything array-like.
-        shape: Expected shape; None lets an axis have any length.
+        shape: Expected shape; None lets an axis have any length, or all of it be any.
         name: The name used in the error.
         finite: Refuse NaN and infinity.
 
@@ -50,8 +50,9 @@ def frozen(
         array = np.array(values, dtype=np.float64, copy=True)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{name} must be numbers", value=values) from error
-    fits = array.ndim == len(shape) and all(
-        want is None or want == got for want, got in zip(shape, array.shape, strict=True)
+    fits = shape is None or (
+        array.ndim == len(shape)
+        and all(want is None or want == got for want, got in zip(shape, array.shape, strict=True))
     )
     if not fits:
         raise InputError(

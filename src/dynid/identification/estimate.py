@@ -26,7 +26,7 @@ from dynid.core import (
 from dynid.identification.selection.assessment import Assessment, assessment_from_json
 from dynid.identification.selection.unseen import unseen
 from dynid.identification.statistics import relative_std_percent
-from dynid.regressor import CHUNK, InverseDynamicModel, terms_from_json
+from dynid.regressor import CHUNK, InverseDynamicModel, coupled_motors, terms_from_json
 from dynid.robot import robot_from_json, robot_to_json
 from dynid.signals import ProcessingSettings, TorqueFilter
 
@@ -138,7 +138,8 @@ class Estimate:
     standard: StandardParameters | None = None
     """Consistent standard parameters, from estimators that find them (`sdp`)."""
     assessment: Assessment | None = None
-    """Left-out errors, rival models and torque intervals; None in files of older versions."""
+    """Left-out errors, rival models and torque intervals; None of shared inertias or temperatures,
+    and in files of release 0.1."""
 
     def __post_init__(self) -> None:
         r, n = len(self.independent), self.model.robot.joints
@@ -193,7 +194,7 @@ class Estimate:
         q: ArrayLike,
         dq: ArrayLike,
         ddq: ArrayLike,
-        state: Array | None = None,
+        state: ArrayLike | None = None,
         *,
         interval: None = None,
     ) -> Array: ...
@@ -204,7 +205,7 @@ class Estimate:
         q: ArrayLike,
         dq: ArrayLike,
         ddq: ArrayLike,
-        state: Array | None = None,
+        state: ArrayLike | None = None,
         *,
         interval: float,
     ) -> TorquePrediction: ...
@@ -214,7 +215,7 @@ class Estimate:
         q: ArrayLike,
         dq: ArrayLike,
         ddq: ArrayLike,
-        state: Array | None = None,
+        state: ArrayLike | None = None,
         *,
         interval: float | None = None,
     ) -> Array | TorquePrediction:
@@ -226,8 +227,7 @@ class Estimate:
         Raises:
             InputError: Not numbers, or shapes that do not fit the robot or each other.
         """
-        shape, motion = (None, self.model.robot.joints), {"q": q, "dq": dq, "ddq": ddq}
-        q, dq, ddq = (frozen(v, shape=shape, name=k, finite=False) for k, v in motion.items())
+        q, dq, ddq, state = self._given(q, dq, ddq, state)
         values = self.standard_parameters()
         torque = self.model.inverse_dynamics(q, dq, ddq, values, state)
         torque = read_only(torque - self.model.known_torque(q))
@@ -236,20 +236,39 @@ class Estimate:
         width = self.half_width(q, dq, ddq, state, level=interval)
         return TorquePrediction(torque=torque, half_width=width, level=interval)
 
+    def _given(
+        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, state: ArrayLike | None
+    ) -> tuple[Array, Array, Array, Array | None]:
+        q, dq, ddq = self.model.states(q, dq, ddq)
+        if state is not None:
+            robot = self.model.robot
+            shape = (robot.joints + len(coupled_motors(robot)), len(q))
+            state = frozen(state, shape=shape, name="state", finite=False)
+        return q, dq, ddq, state
+
     def half_width(
-        self, q: Array, dq: Array, ddq: Array, state: Array | None = None, *, level: float = 0.9
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        state: ArrayLike | None = None,
+        *,
+        level: float = 0.9,
     ) -> Array:
         """Half widths (N, n) of the intervals of torques measured on another day [N.m or N].
 
         The motion as for `predict`; the level is the share of torques within, 0.5 to 0.99.
 
         Raises:
-            InputError: The estimate knows no intervals, or a level outside 0.5 to 0.99.
+            InputError: The estimate knows no intervals, a level outside 0.5 to 0.99, or as for
+                `predict`.
         """
+        q, dq, ddq, state = self._given(q, dq, ddq, state)
         if self.assessment is None:
             raise InputError(
-                "the estimate has no torque intervals",
-                next_step="Identify again with this version.",
+                "estimates of shared inertias or temperatures, and files of release 0.1, have no "
+                "torque intervals",
+                next_step="Identify one recording, or all as one: dynid identify RECORD -o E.json",
             )
         interval, width = self.assessment.interval, np.empty(q.shape)
         known = self.motion

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from dynid.core import Array, Finding, InputError, Mask, freeze, told
+from dynid.core import Array, Finding, InputError, Mask, freeze, frozen, told
 from dynid.identification import least_squares
 from dynid.identification.bayesian import deviations, inertial_prior, posterior
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
@@ -86,9 +87,15 @@ class GravityEstimate:
         """(r) whether these poses say little of a parameter beside the published inertias."""
         return tuple((self.std > FROM_PRIOR * self.prior_std).tolist())
 
-    def predict(self, q: Array) -> Array:
-        """Torques (N, n) of gravity [N.m or N] at positions q (N, n) [rad or m]."""
-        model, still = self.base.model, np.zeros_like(q)
+    def predict(self, q: ArrayLike) -> Array:
+        """Torques (N, n) of gravity [N.m or N] at positions q (N, n) [rad or m].
+
+        Raises:
+            InputError: Not numbers, or a shape that does not fit the robot.
+        """
+        model = self.base.model
+        q = frozen(q, shape=(None, model.robot.joints), name="q", finite=False)
+        still = np.zeros_like(q)
         columns = model.stack(q, still, still)[list(self.base.independent)]
         return np.tensordot(self.values, columns, axes=1).T - model.known_torque(q)
 

@@ -232,8 +232,8 @@ class TemperatureModel:
             InputError: Another number of joints, or temperatures that are no numbers.
         """
         joints = len(self.laws)
-        wanted = np.asarray(temperature_degC, dtype=np.float64)
-        if wanted.shape not in ((), (joints,)) or not np.isfinite(wanted).all():
+        wanted = frozen(temperature_degC, shape=None, name="temperature")
+        if wanted.shape not in ((), (joints,)):
             said, limit = "needs one temperature, or one a joint", f"{joints} joints"
             raise InputError(said, value=temperature_degC, limit=limit)
         wanted = np.broadcast_to(wanted, (joints,))

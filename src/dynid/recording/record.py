@@ -65,7 +65,8 @@ class ExperimentRecord:
 
     Raises:
         RecordError: Fewer than two samples, time that does not increase, no positions,
-            an unknown signal, or shapes that disagree.
+            an unknown signal, or signals, channels or metadata of another type.
+        InputError: Shapes that disagree, or what is no finite number.
     """
 
     t: Array
@@ -87,6 +88,14 @@ class ExperimentRecord:
         if not (np.diff(t) > 0).all():
             row = int(np.argmax(np.diff(t) <= 0)) + 1
             raise RecordError(f"time does not increase at sample {row}", value=float(t[row]))
+        for name, kind in (
+            ("signals", Mapping),
+            ("channels", Mapping),
+            ("metadata", RecordMetadata),
+        ):
+            if not isinstance(value := getattr(self, name), kind):
+                what, got = f"{name} of a recording", type(value).__name__
+                raise RecordError(what, value=got, limit=f"a {kind.__name__}")
         check_quantities(self.signals)
         q = frozen(self.signals["q"], shape=(len(t), None), name="q")
         shape = q.shape

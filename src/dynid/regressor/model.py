@@ -3,8 +3,9 @@
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, check_word, read_only
+from dynid.core import Array, InputError, check_word, frozen, read_only
 from dynid.regressor.columns import (
     Column,
     ColumnBlock,
@@ -89,7 +90,19 @@ class InverseDynamicModel:
         """Names of the p standard parameters."""
         return tuple(column.name for column in self.columns)
 
-    def friction_state(self, q: Array, *, periodic: bool = False) -> Array | None:
+    def states(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> tuple[Array, Array, Array]:
+        """Samples from outside as arrays, each (N, n); NaN is let through.
+
+        Raises:
+            InputError: Not numbers, or shapes that do not fit the robot or each other.
+        """
+        shape = (None, self.robot.joints)
+        q = frozen(q, shape=shape, name="q", finite=False)
+        others = (("dq", dq), ("ddq", ddq))
+        dq, ddq = (frozen(x, shape=q.shape, name=name, finite=False) for name, x in others)
+        return q, dq, ddq
+
+    def friction_state(self, q: ArrayLike, *, periodic: bool = False) -> Array | None:
         """The state (n + k, N) of presliding friction along a motion q (N, n); None without any.
 
         Of the joints, then of k coupled motors, each over its own joint's displacement; NaN
@@ -98,7 +111,11 @@ class InverseDynamicModel:
         Args:
             q: (N, n) positions in the order of time [rad or m].
             periodic: The motion is one period of many.
+
+        Raises:
+            InputError: Not numbers, or a shape that does not fit the robot.
         """
+        q = frozen(q, shape=(None, self.robot.joints), name="q", finite=False)
         if not any(self.friction.presliding):
             return None
         over = np.array(self.friction.presliding)
@@ -203,14 +220,14 @@ class InverseDynamicModel:
             block.pull(self.robot, motion[1], motion[2], part, out[1], out[2])
             first += count
 
-    def observation_matrix(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """W (n N, p), rows joint-major: all samples of joint 1 first."""
-        stack = self.stack(q, dq, ddq)
+    def observation_matrix(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
+        """W (n N, p), rows joint-major: all samples of joint 1 first; see `states`."""
+        stack = self.stack(*self.states(q, dq, ddq))
         return stack.reshape(len(stack), -1).T
 
-    def regressor(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Y (N, n, p)."""
-        return self.stack(q, dq, ddq).transpose(2, 1, 0)
+    def regressor(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
+        """Y (N, n, p); see `states`."""
+        return self.stack(*self.states(q, dq, ddq)).transpose(2, 1, 0)
 
     def inverse_dynamics(
         self, q: Array, dq: Array, ddq: Array, parameters: Array, state: Array | None = None

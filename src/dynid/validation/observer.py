@@ -3,12 +3,13 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, Mask, frozen, read_only
-from dynid.identification import Estimate
+from dynid.identification import Estimate, EstimateLike, open_estimate
 from dynid.recording import RecordLike, open_record
 from dynid.regressor import FrictionTerms, InverseDynamicModel, torque_adjoint
 from dynid.signals import measured_torque
@@ -55,17 +56,19 @@ class MomentumObserver:
     the derivative of the kinetic energy by q.
 
     Raises:
-        InputError: A bandwidth that is not positive.
+        InputError: A bandwidth that is not positive, or no estimate (see `open_estimate`).
     """
 
     estimate: Estimate
     """The model; its friction is part of the expected torque."""
-    bandwidth: float = BANDWIDTH
+    bandwidth: float
     """K [1/s]"""
 
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.bandwidth) and self.bandwidth > 0):
-            raise InputError("the observer's bandwidth must be positive", value=self.bandwidth)
+    def __init__(self, *, estimate: EstimateLike, bandwidth: float = BANDWIDTH) -> None:
+        if not (isinstance(bandwidth, Real) and math.isfinite(bandwidth) and bandwidth > 0):
+            raise InputError("the observer's bandwidth must be positive", value=bandwidth)
+        object.__setattr__(self, "estimate", open_estimate(estimate))
+        object.__setattr__(self, "bandwidth", bandwidth)
 
     def momentum(self, q: Array, dq: Array) -> tuple[Array, Array]:
         """Momentum p and C' dq, each (N, n), at q and dq (N, n)."""
@@ -167,7 +170,7 @@ def contact_thresholds(
         value = [one.shape for one in known], [one.shape for one in moved]
         raise InputError("residuals and velocities of the same samples", value=value)
     size, speed = np.abs(np.vstack(known)), np.vstack([recent_speed(one) for one in moved])
-    least = frozen(noise, shape=np.shape(noise), name="noise")
+    least = frozen(noise, shape=None, name="noise")
     if len(size) < _LEAST_SAMPLES:
         raise InputError("samples of free motion", value=len(size), limit=_LEAST_SAMPLES)
     limits = np.empty((len(SPEEDS), size.shape[1]))

@@ -8,6 +8,7 @@ Intervals are wide where the recording has not been.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Real
 from statistics import NormalDist
 from typing import Any
 
@@ -186,7 +187,7 @@ class TorqueInterval:
         Raises:
             InputError: A level outside `LEVELS`.
         """
-        if not LEVELS[0] <= level <= LEVELS[-1]:
+        if not (isinstance(level, Real) and LEVELS[0] <= level <= LEVELS[-1]):
             raise InputError(
                 "level of an interval", value=level, limit=f"{LEVELS[0]} to {LEVELS[-1]}"
             )
