@@ -611,7 +611,8 @@ def test_own_recordings_are_read_for_a_robot(tmp_path: Path) -> None:
     assert record.metadata.drive_gains == (1, 2, 3, 4, 5, 6)
     names = tuple(robot.joint_names[k] for k in (2, 1, 0, 3, 4, 5))
     stored = run(raw())
-    write_record(replace(stored, metadata=replace(stored.metadata, joint_names=names)), path)
+    named = replace(stored, metadata=replace(stored.metadata, joint_names=names))
+    write_record(named, path, force=True)
     record = read_recording(path, robot=robot)
     np.testing.assert_array_equal(record.signals["q"][:, 0], stored.signals["q"][:, 2])
     with pytest.raises(RecordError, match="complete"):

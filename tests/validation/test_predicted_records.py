@@ -255,7 +255,7 @@ def test_a_counterbalance_is_taken_off_the_prediction() -> None:
 def test_a_record_of_another_robot_is_refused() -> None:
     short = record()
     cut = {name: value[:, :4] for name, value in short.signals.items()}
-    with pytest.raises(InputError, match="4 joints, the robot ur5 has 6"):
+    with pytest.raises(InputError, match="4 joints but ur5 has 6"):
         validate(estimate(), replace(short, signals=cut))
 
 
