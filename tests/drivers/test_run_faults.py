@@ -233,6 +233,33 @@ def test_the_controller_dies(fault: Fault) -> None:
     assert record.samples >= 190
 
 
+def test_another_program_takes_over_on_the_way_to_the_start(
+    fault: Fault, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with (
+        controller_process("ur5", host=own_address(), virtual_time=True) as running,
+        Observer(running.host) as observer,
+    ):
+
+        def take_over() -> None:
+            speeds = observer.layout.places["actual_qd"]
+            observer.wait_for(lambda package: max(map(abs, package[speeds])) > 10 * STILL)
+            with closing(ScriptPort(running.host)) as port:
+                port.send("def other():\n  movej([2, -1.6, 0, -1.6, 1, 0], a=0.5, v=0.5)\nend\n")
+
+        thread = threading.Thread(target=take_over)
+        thread.start()
+        words = ["run", fault.design, "--on", f"ur://{running.host}", "-o", fault.record]
+        code = main([*map(str, words), "--yes"])
+        thread.join()
+        assert code == 1
+        assert "another program" in capsys.readouterr().err
+        # The other motion would take seconds.
+        observer.wait_for(lambda package: observer.number(package, "runtime_state") == 1)
+        assert np.abs(observer.column("actual_q")[-1] - [2, -1.6, 0, -1.6, 1, 0]).max() > 1.0
+    assert not list(fault.record.parent.glob("run*"))
+
+
 class Terminal(io.StringIO):
     def isatty(self) -> bool:
         return True

@@ -91,6 +91,7 @@ def test_the_way_to_the_start_is_watched() -> None:
         ({"safety_mode": 3}, "safety", "protective stop"),
         ({"safety_mode": 2}, "safety", "reduced"),
         ({"runtime_state": 1}, "program", "stopped"),
+        ({"runtime_state": 4}, "program", "someone paused it"),
         ({"speed_scaling": 0.9}, "speed", "90 %"),
         ({"speed_scaling": float("nan")}, "speed", "nan"),
         ({"speed_fraction": 0.5}, "speed", "slider was moved to 50 %"),

@@ -11,7 +11,7 @@ from numba import njit
 from dynid.constraints.arm import ArmGeometry, arm_geometry, place_joints, place_point, samples_of
 from dynid.constraints.scene import ConstraintSettings
 from dynid.core import Array, Indices, Mask, MotionBounds, plain, read_only
-from dynid.robot import RobotModel
+from dynid.robot import STANDARD_GRAVITY, RobotModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -406,7 +406,11 @@ def doubted_units(robot: RobotModel) -> list[Unjudged]:
     elif mass > max(DENSEST * reach**3, LIGHTEST) and turning.all():
         said = f"the arm of {reach:.3g} m has {mass:.4g} kg: its masses look like grams"
         doubt("torque", said, "kg")
-    elif (strongest := _strongest(limits.torque[turning])) * WEIGHTLESS > 9.81 * mass * reach > 0:
+    elif (
+        0
+        < STANDARD_GRAVITY * mass * reach
+        < WEIGHTLESS * (strongest := _strongest(limits.torque[turning]))
+    ):
         said = f"the arm of {reach:.3g} m has {mass:.3g} kg and torques of {strongest:.4g} N.m"
         doubt("torque", f"{said}: its masses or limits look like placeholders", "kg")
     size = np.full(robot.joints + 1, -math.inf)

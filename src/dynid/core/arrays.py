@@ -40,7 +40,7 @@ def frozen(
     """
     if np.ma.is_masked(values):
         raise InputError(f"{name} has masked values", next_step="Leave these rows out.")
-    kind = getattr(values, "dtype", np.dtype(float)).kind
+    kind = getattr(getattr(values, "dtype", None), "kind", "f")
     if kind in "mM":
         step = "Pass seconds: (values - values[0]) / np.timedelta64(1, 's')."
         raise InputError(f"{name} must be numbers, not dates or durations", next_step=step)
