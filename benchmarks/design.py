@@ -23,7 +23,8 @@ from dynid.constraints import paper_constraints
 from dynid.excitation import (
     DesignEvaluation,
     ExcitationProblem,
-    by_genetic_algorithm,
+    GeneticAlgorithm,
+    by_optimiser,
     parse_criterion,
     random_numbers,
     region_of,
@@ -85,7 +86,7 @@ def genetic(table: Table, problem: ExcitationProblem, seeds: int) -> tuple[float
         # Turn by turn, so that both sides meet the same load of the machine.
         plains.append(plain_seconds(problem))
         began = time.process_time()
-        found = by_genetic_algorithm(problem, seed=seed)
+        found = by_optimiser(problem, GeneticAlgorithm(), seed=seed)
         cpus.append(time.process_time() - began)
         walls.append(found.wall_s)
         conds.append(float(np.exp(found.search.candidates[0][0].objective)))

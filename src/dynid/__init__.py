@@ -45,7 +45,9 @@ if TYPE_CHECKING:
     from dynid.core import MissingExtraError as MissingExtraError
     from dynid.core import RecordError as RecordError
     from dynid.core import RobotError as RobotError
+    from dynid.excitation import DesignOptimiser as DesignOptimiser
     from dynid.excitation import ExcitationDesign as ExcitationDesign
+    from dynid.excitation import MotionSearch as MotionSearch
     from dynid.export import ExportedFile as ExportedFile
     from dynid.export import write_model as write_model
     from dynid.identification import DriveGains as DriveGains
@@ -131,7 +133,7 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "core": "DynidError Finding InputError JobError MissingExtraError RecordError RobotError",
-    "excitation": "ExcitationDesign",
+    "excitation": "DesignOptimiser ExcitationDesign MotionSearch",
     "export": "ExportedFile write_model",
     "identification": (
         "DriveGains Estimate Estimator Fit GravityEstimate IdentificationProblem Payload "

@@ -8,7 +8,8 @@ from dynid.core import InputError
 from dynid.excitation import (
     Candidate,
     DesignEvaluation,
-    by_genetic_algorithm,
+    GeneticAlgorithm,
+    by_optimiser,
     evolve,
     random_numbers,
     region_of,
@@ -72,9 +73,7 @@ def test_feasible_individuals_win_over_better_criteria() -> None:
 
 
 def test_the_whole_optimiser_certifies_its_best() -> None:
-    done = by_genetic_algorithm(
-        problem(arm(torque=40.0), safe=True), seed=0, population=20, generations=2
-    )
+    done = by_optimiser(problem(arm(torque=40.0), safe=True), GeneticAlgorithm(20, 2), seed=0)
     assert done.finished.certificate.holds
     assert done.search.ended_by == "generations"
     values = [entry.value for entry in done.search.history if entry.feasible]
@@ -83,4 +82,4 @@ def test_the_whole_optimiser_certifies_its_best() -> None:
 
 def test_a_budget_for_no_motion_is_refused() -> None:
     with pytest.raises(InputError, match="budget is too short"):
-        by_genetic_algorithm(problem(), seed=0, budget_s=1e-6)
+        by_optimiser(problem(), GeneticAlgorithm(), seed=0, budget_s=1e-6)

@@ -6,11 +6,13 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
+import numpy as np
 import pytest
 
 from dynid.core import InputError, write_json
+from dynid.excitation import DesignOptimiser, MotionSearch, random_numbers
 from dynid.experiment import ExperimentPlan, check_design
 from dynid.workflow import DesignSettings, RunSettings, check, design, judge_of, read_design
 
@@ -340,3 +342,28 @@ def test_a_task_of_another_robot_is_refused(made: tuple[Path, str], tmp_path: Pa
     task = DesignSettings(motions=(str(made[0] / "design.json"),), collision=False)
     with pytest.raises(InputError, match=r"design\.json: the motion is one of another robot"):
         design(tmp_path / "arm.urdf", task)
+
+
+class FewTries(DesignOptimiser):
+    """The best of some random motions."""
+
+    name: ClassVar[str] = "few-tries"
+
+    def minimize(self, search: MotionSearch) -> int:
+        random = np.random.default_rng(search.seed)
+        for x in random_numbers(search.region, 4, random, fill=0.5):
+            search.judge(x)
+        return 1
+
+
+def test_an_optimiser_of_ones_own_finds_a_design(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(ARM)
+    settings = DesignSettings(method=FewTries(), harmonics=3, period_s=8.0, limits="paper")
+    found = design(tmp_path / "arm.urdf", settings, output=tmp_path / "design.json")
+    assert (found.method, found.ended_by, found.evaluations) == ("few-tries", "optimiser", 4)
+    assert found.certificate.holds
+    stored = read_design(tmp_path / "design.json")
+    assert (stored.facts["method"], stored.changed) == ("few-tries", ())
+    with pytest.raises(InputError) as caught:
+        DesignSettings(method=FewTries)  # pyright: ignore[reportArgumentType]
+    assert caught.value.where == "--method"

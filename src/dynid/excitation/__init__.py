@@ -9,10 +9,13 @@ from dynid.excitation.criteria import prior_scale as prior_scale
 from dynid.excitation.criteria import scaled_condition_number as scaled_condition_number
 from dynid.excitation.evaluation import DesignEvaluation as DesignEvaluation
 from dynid.excitation.evaluation import GramKernel as GramKernel
+from dynid.excitation.optimise import DesignOptimiser as DesignOptimiser
 from dynid.excitation.optimise import ExcitationDesign as ExcitationDesign
+from dynid.excitation.optimise import GeneticAlgorithm as GeneticAlgorithm
+from dynid.excitation.optimise import MotionSearch as MotionSearch
 from dynid.excitation.optimise import Optimised as Optimised
-from dynid.excitation.optimise import by_genetic_algorithm as by_genetic_algorithm
 from dynid.excitation.optimise import by_gradient as by_gradient
+from dynid.excitation.optimise import by_optimiser as by_optimiser
 from dynid.excitation.problem import Candidate as Candidate
 from dynid.excitation.problem import ExcitationProblem as ExcitationProblem
 from dynid.excitation.problem import HistoryEntry as HistoryEntry

@@ -1,10 +1,11 @@
 """One door to both optimisers: a problem in, a certified motion out, with what it is worth."""
 
 import math
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from dynid.core import (
     MotionBounds,
     Provenance,
     Workers,
+    frozen,
     one_thread,
     plain,
 )
@@ -274,17 +276,82 @@ def by_gradient(
     return _finished(problem, search, effort.budget_s)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionSearch:
+    """What an optimiser of designs searches: the numbers x (n, 1 + k) of a motion, see `Candidate`.
+
+    The best motions that it judges are kept, and certified.
+    """
+
+    problem: ExcitationProblem
+    """Robot, motions, criterion and limits."""
+    region: MotionRegion
+    """Bounds of position, velocity and acceleration; `random_numbers` draws within."""
+    judge: Callable[[Array], Candidate]
+    """The criterion and the broken limits of a motion x (n, 1 + k); smaller `key` is better."""
+    constrained: bool
+    """Whether there are limits beside those of the region."""
+    seed: int
+    """Of all random numbers."""
+    stop: Stop
+    """Whether the time is over, to be asked before each motion."""
+
+
+class DesignOptimiser(ABC):
+    """A way to search for a motion."""
+
+    name: ClassVar[str]
+    """Stands in the design in place of `--method`."""
+    ends: ClassVar[str] = "optimiser"
+    """What it ended by where neither time nor a person did."""
+
+    @property
+    def evaluations(self) -> int | None:
+        """Motions that it will judge, for the progress; None: not known before."""
+        return None
+
+    @abstractmethod
+    def minimize(self, search: MotionSearch) -> int:
+        """Judge motions until the best one is good enough; how many rounds were finished."""
+
+
+@dataclass(frozen=True)
+class GeneticAlgorithm(DesignOptimiser):
+    """The paper's; see `evolve`."""
+
+    name: ClassVar[str] = "ga"
+    ends: ClassVar[str] = "generations"
+    population: int = 300
+    generations: int = 5
+
+    @property
+    def evaluations(self) -> int:
+        """Of all generations."""
+        return self.population + self.generations * (self.population - elite_count(self.population))
+
+    def minimize(self, search: MotionSearch) -> int:
+        """See `DesignOptimiser`."""
+        return evolve(
+            search.judge,
+            search.region,
+            population=self.population,
+            generations=self.generations,
+            seed=search.seed,
+            full=not search.constrained,
+            stop=search.stop,
+        )
+
+
 @one_thread()
-def by_genetic_algorithm(
+def by_optimiser(
     problem: ExcitationProblem,
+    optimiser: DesignOptimiser,
     *,
     seed: int,
-    population: int = 300,
-    generations: int = 5,
     budget_s: float | None = None,
     tell: SearchProgress | None = None,
 ) -> Optimised:
-    """Design by the paper's genetic algorithm; see `evolve`.
+    """Design by the paper's genetic algorithm, or by an optimiser of one's own.
 
     Raises:
         InputError: A budget that is too short.
@@ -292,29 +359,34 @@ def by_genetic_algorithm(
     """
     evaluation, region = DesignEvaluation(problem), region_of(problem)
     evaluation.warm_up()
-    search = Search(problem=problem)
-    total = population + generations * (population - elite_count(population))
+    search, total = Search(problem=problem), optimiser.evaluations
+
+    def stop() -> bool:
+        return budget_s is not None and search.wall_s >= budget_s
 
     def judge(x: Array) -> Candidate:
+        x = frozen(x, shape=(len(region.middle), 1 + problem.family.free_count), name="x")
         broken = evaluation.search_violation(x, TIGHTEN)
         candidate = Candidate(x=x, objective=evaluation.value(x), violation=broken)
         search.evaluations = evaluation.evaluations
         search.add(candidate, evaluation.evaluations)
         if tell is not None:
-            tell(search, min(evaluation.evaluations / total, 1.0))
+            timed = 0.0 if budget_s is None else search.wall_s / budget_s
+            tell(search, min(evaluation.evaluations / total if total else timed, 1.0))
         return candidate
 
     try:
-        search.starts = evolve(
-            judge,
-            region,
-            population=population,
-            generations=generations,
-            seed=seed,
-            full=not evaluation.constrained,
-            stop=lambda: budget_s is not None and search.wall_s >= budget_s,
+        search.starts = optimiser.minimize(
+            MotionSearch(
+                problem=problem,
+                region=region,
+                judge=judge,
+                constrained=evaluation.constrained,
+                seed=seed,
+                stop=stop,
+            )
         )
-        search.ended_by = "generations" if search.starts == generations else "budget"
+        search.ended_by = "budget" if stop() else optimiser.ends
     except KeyboardInterrupt:
         search.ended_by = "interrupt"
     return _finished(problem, search, budget_s)

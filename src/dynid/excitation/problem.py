@@ -131,7 +131,8 @@ class Search:
     starts: int = 0
     """Starts that ended."""
     ended_by: str = ""
-    """`starts`, `generations`, `stagnation`, `budget` or `interrupt`; empty while it runs."""
+    """`starts`, `generations`, `optimiser`, `stagnation`, `budget` or `interrupt`; empty while it
+    runs."""
 
     @property
     def best(self) -> Candidate | None:

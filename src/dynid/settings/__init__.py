@@ -4,6 +4,7 @@ from dynid.settings.options import FINITE as FINITE
 from dynid.settings.options import Option as Option
 from dynid.settings.options import numbers as numbers
 from dynid.settings.options import options_of as options_of
+from dynid.settings.options import word_of as word_of
 from dynid.settings.verbs import LONGEST_S as LONGEST_S
 from dynid.settings.verbs import DesignSettings as DesignSettings
 from dynid.settings.verbs import FleetSettings as FleetSettings

@@ -106,6 +106,11 @@ def option(
     return field(default=default, metadata={"option": declared})
 
 
+def word_of(chosen: Any) -> Any:
+    """The word of an option, or the name of the object that stands for one."""
+    return chosen if chosen is None or isinstance(chosen, str) else chosen.name
+
+
 def flag(default: bool | None, name: str, help: str) -> Any:
     """A field with an option that has no value: it gives True, or False where that is not so."""
     return option(default, "", help, name)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 from dynid.core import InputError, check_word
 
 if TYPE_CHECKING:
+    from dynid.excitation import DesignOptimiser
     from dynid.identification import Estimator
     from dynid.regressor import FrictionTerms
     from dynid.robot import RobotLike
     from dynid.simulation import Thermal
 
-from dynid.settings.options import Settings, check_options, flag, numbers, option
+from dynid.settings.options import Settings, check_options, flag, numbers, option, word_of
 
 
 def _height(text: str, where: str) -> float | str:
@@ -155,7 +156,13 @@ class DesignSettings(LimitSettings):
             file.
     """
 
-    method: str = option("gradient", ("gradient", "ga"), "ga: the paper's genetic one.")
+    method: "str | DesignOptimiser" = option(
+        "gradient",
+        ("gradient", "ga"),
+        "ga: the paper's genetic one.",
+        own="excitation.DesignOptimiser",
+    )
+    """Or an optimiser of your own."""
     purpose: str = option(
         "",
         tuple(PURPOSES),
@@ -269,13 +276,13 @@ class DesignSettings(LimitSettings):
     def unused(self) -> tuple[str, ...]:
         """Options that were given and have no effect beside the others, each in a sentence."""
         genetic = self.method == "ga"
-        no_use = f"is not used by --method {self.method}"
+        no_use = f"is not used by --method {word_of(self.method)}"
         task = self.minimised == "prediction" or self.accuracy_percent is not None
         given = {
             f"--population {no_use}": not genetic and self.population != POPULATION,
             f"--generations {no_use}": not genetic and self.generations != GENERATIONS,
-            f"--starts {no_use}": genetic and self.starts is not None,
-            f"--dask {no_use}": genetic and self.dask is not None,
+            f"--starts {no_use}": self.method != "gradient" and self.starts is not None,
+            f"--dask {no_use}": self.method != "gradient" and self.dask is not None,
             "--period is only where the search begins: --accuracy decides the period": (
                 self.accuracy_percent is not None and self.period_s != PERIOD_S
             ),
@@ -290,7 +297,8 @@ class DesignSettings(LimitSettings):
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
-        return asdict(self)
+        told = self if isinstance(self.method, str) else replace(self, method="ga")
+        return asdict(told) | {"method": word_of(self.method)}
 
 
 def _names(paths: Sequence[object] | None, setting: str) -> tuple[str, ...] | None:
@@ -415,18 +423,12 @@ class IdentifySettings(Settings):
     frames: str = ""
     """`dh`, `mdh` or `urdf`."""
 
-    @property
-    def estimator_word(self) -> str | None:
-        """The estimator's word, or the name of one's own; None: by the preset."""
-        chosen = self.estimator
-        return chosen if chosen is None or isinstance(chosen, str) else chosen.name
-
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
         data: dict[str, Any] = {item.name: getattr(self, item.name) for item in fields(self)}
         data["for"] = data.pop("purpose")
         terms = self.terms and self.terms.to_json()
-        return data | {"estimator": self.estimator_word, "terms": terms}
+        return data | {"estimator": word_of(self.estimator), "terms": terms}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

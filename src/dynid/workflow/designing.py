@@ -25,7 +25,7 @@ from dynid.core import (
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
 from dynid.robot import RobotLike, RobotModel, load_robot
-from dynid.settings import LONGEST_S, DesignSettings
+from dynid.settings import LONGEST_S, DesignSettings, word_of
 from dynid.signals import process
 from dynid.trajectory import (
     LANGUAGES,
@@ -283,7 +283,7 @@ class _DesignJob:
             purpose=asked.goal,
             purpose_motions=self.purpose.source,
             criterion=asked.minimised,
-            method=asked.method,
+            method=word_of(asked.method),
             criteria=criteria | {"prediction": prediction.value(gram)},
             expected=self._expected(gram, repetitions),
             repetitions=repetitions,
@@ -333,14 +333,12 @@ class _DesignJob:
 def _optimised(
     problem: excitation.ExcitationProblem, asked: DesignSettings, tell: excitation.SearchProgress
 ) -> excitation.Optimised:
-    if asked.method == "ga":
-        return excitation.by_genetic_algorithm(
-            problem,
-            seed=asked.seed,
-            population=asked.population,
-            generations=asked.generations,
-            budget_s=asked.budget_s,
-            tell=tell,
+    method = asked.method
+    if method == "ga":
+        method = excitation.GeneticAlgorithm(asked.population, asked.generations)
+    if not isinstance(method, str):
+        return excitation.by_optimiser(
+            problem, method, seed=asked.seed, budget_s=asked.budget_s, tell=tell
         )
     starts, patience = asked.starts, None
     if starts is None and asked.budget_s is None:
