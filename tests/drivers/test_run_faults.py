@@ -118,18 +118,19 @@ def fault(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Fault:
     return Fault(tmp_path, capsys)
 
 
-def test_the_speed_slider_moves(controller: RunningController, fault: Fault) -> None:
-    def move(to: float) -> None:
-        with closing(RtdeLink(controller.host)) as link:
-            slider = link.ask_inputs(["speed_slider_mask", "speed_slider_fraction"])
-            link.write(slider.packet([1, to]))
-            # Answered after the slider was set: the connection must not end before.
-            link.ask_outputs(["timestamp"])
+def move_slider(host: str, to: float) -> None:
+    with closing(RtdeLink(host)) as link:
+        slider = link.ask_inputs(["speed_slider_mask", "speed_slider_fraction"])
+        link.write(slider.packet([1, to]))
+        # Answered after the slider was set: the connection must not end before.
+        link.ask_outputs(["timestamp"])
 
+
+def test_the_speed_slider_moves(controller: RunningController, fault: Fault) -> None:
     try:
-        observer = fault.run(controller.host, lambda _: move(0.5))
+        observer = fault.run(controller.host, lambda _: move_slider(controller.host, 0.5))
     finally:
-        move(1.0)
+        move_slider(controller.host, 1.0)
     fault.check(observer, "target_speed_fraction", 1.0, "speed slider was moved to 50 %")
 
 
@@ -300,7 +301,28 @@ def test_nothing_moves_without_a_typed_word(
         assert fact in said
 
 
+def test_the_state_of_the_robot_is_told_before_a_way_is_searched(
+    controller: RunningController,
+    fault: Fault,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def searched(*_: object, **__: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("dynid.workflow.running.plan_approach", searched)
+    words = ["run", fault.design, "--on", f"ur://{controller.host}", "-o", fault.record, "--yes"]
+    try:
+        move_slider(controller.host, 0.5)
+        assert main([*map(str, words)]) == 1
+        assert "speed slider: 50 %" in capsys.readouterr().err
+    finally:
+        move_slider(controller.host, 1.0)
+
+
+@pytest.mark.parametrize("yes", [(), ("--yes",)])
 def test_ctrl_c_before_the_question_ends_the_run(
+    yes: tuple[str, ...],
     controller: RunningController,
     fault: Fault,
     capsys: pytest.CaptureFixture[str],
@@ -313,7 +335,7 @@ def test_ctrl_c_before_the_question_ends_the_run(
     monkeypatch.setattr("dynid.workflow.running.check_robot", interrupted)
     monkeypatch.setattr(sys, "stdin", Terminal(f"{controller.host}\n"))
     words = ["run", fault.design, "--on", f"ur://{controller.host}", "-o", fault.record]
-    assert main([*map(str, words)]) == 130
+    assert main([*map(str, words), *yes]) == 130
     assert "Type" not in capsys.readouterr().err
     assert not fault.record.exists()
 
