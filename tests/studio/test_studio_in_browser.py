@@ -242,10 +242,18 @@ def test_the_button_works_again_after_a_refusal(visited: Visited, studio: tuple[
     visit.step("Design")
     visit.page.locator("#f-period_s").fill("0")
     refused: list[object] = [None]
+    asked: list[Any] = []
     for _ in range(2):
-        visit.primary("Design a motion")
         # A second press, before the first is answered, asks for nothing.
+        asked.clear()
+        visit.page.route("**/do/design", lambda route: asked.append(route))
+        visit.primary("Design a motion")
+        until(lambda: bool(asked), visit)
         visit.page.locator("#primary").dispatch_event("click")
+        visit.page.wait_for_timeout(100)
+        assert len(asked) == 1
+        asked[0].continue_()
+        visit.page.unroute("**/do/design")
         until(lambda: session.job is not refused[-1] and session.job.state.ended, visit)
         refused.append(session.job)
         visit.page.locator("#job .bad").wait_for()

@@ -90,7 +90,12 @@ def test_run_then_identify_then_export_and_report(page: Page) -> None:
     told = read_estimate(folder / "estimate.json").warnings
     assert {finding.message[:200] for finding in told} <= {text[:200] for text in shown["warnings"]}
     assert [item["name"] for item in shown["joints"]] == page.look_up("robot", str)["joints"]
-    assert json.dumps(page.look_up("curves", lambda _: "record.parquet")).count("predicted") == 1
+    assert (
+        json.dumps(page.look_up("curves", {"name": "record.parquet", "opened": ""}.get)).count(
+            "predicted"
+        )
+        == 1
+    )
     (folder / "report.html").write_text("mine")
     assert "report_2.html" in str(do(page, "report"))
     assert (folder / "report.html").read_text() == "mine"
@@ -289,3 +294,14 @@ def test_a_disc_that_fails_ends_a_job_and_not_the_page(
     assert ended(page)
     assert page.state()["job"]["level"] == "bad"
     assert "No such file" in page.state()["job"]["words"]
+
+
+def test_a_page_that_has_not_heard_of_another_robot_is_told_nothing_about_it(page: Page) -> None:
+    opened = page.state()["opened"]
+    assert opened < 2**53
+    asked = {"q": [0.1] * page.session.robot.joints, "opened": opened}
+    assert page.do("judge", JsonFields(asked))["margins"]
+    assert page.do("judge", JsonFields({"q": [0.1, 0.2], "opened": opened - 1})) == {}
+    of = {"name": page.session.motion.name, "opened": str(opened)}
+    assert page.look_up("curves", of.__getitem__)["groups"]
+    assert page.look_up("curves", {"name": "gone", "opened": "1"}.__getitem__) == {}

@@ -79,7 +79,8 @@ class Page:
         self.notes = [f"{name}: {why}" for name, why in opened.skipped]
         self.meshes = robot_meshes(opened.robot, self.notes)
         self._results_known: list[dict[str, Any]] = []
-        self._opening = time.monotonic_ns()
+        # JavaScript has 53 bits for it.
+        self._opening = time.monotonic_ns() // 1000
         self._asked_changes = 0
         self._seen_changes, self._quiet_since = -1, 0.0
         self._certifier: threading.Thread | None = None
@@ -154,6 +155,8 @@ class Page:
             with session.lock:
                 return facts.scene_shapes(session.editor)
         if what == "curves":
+            if query("opened") not in ("", str(self._opening)):
+                return {}
             found = facts.curves(session, query("name"))
             for item in self._results_known:
                 if item["record"] == query("name") and "prediction" in item:
@@ -278,8 +281,13 @@ class Page:
         self.session.certify()
 
     def _judge(self, asked: JsonFields) -> dict[str, Any]:
-        """Limits and nearest bodies at a time of the motion, or at a pose that the page shows."""
+        """Limits and nearest bodies at a time of the motion, or at a pose that the page shows.
+
+        Nothing for the robot of a page that has not heard of another one yet.
+        """
         session = self.session
+        if asked.get("opened") not in (None, self._opening):
+            return {}
         if asked.get("t") is not None:
             q, dq, ddq = session.motion.at(asked.number("t"))
         else:

@@ -131,7 +131,7 @@ async function follow(state) {
   // It has ended without that STOP; of what another studio had started, this one knows nothing.
   if (old && old.opened === state.opened && !(state.job && !state.job.ended)) alarm("");
   if (!old || old.opened !== state.opened) {
-    app.robot = await look("robot");
+    app.robot = { ...(await look("robot")), opened: state.opened };
     view.setRobot(app.robot);
     plots.setJoints(app.robot.joints);
     app.motion = app.motionName = app.pose = null;
@@ -147,8 +147,11 @@ async function follow(state) {
   const known = `${state.motion}|${state.results.map((r) => r.name + r.record)}|${state.opened}`;
   if (known !== app.motionName) {
     const another = !app.motionName || app.motionName.split("|")[0] !== state.motion;
+    const found = state.motion ? await look("curves", `?name=${encodeURIComponent(state.motion)}&opened=${state.opened}`) : null;
+    // Another robot was opened meanwhile: the news of it follows.
+    if (found && !found.groups) return;
     app.motionName = known;
-    app.motion = state.motion ? decode(await look("curves", `?name=${encodeURIComponent(state.motion)}`)) : null;
+    app.motion = found && decode(found);
     if (another) {
       app.at = 0;
       app.playing = false;
@@ -336,12 +339,13 @@ async function judge(force) {
   judging = true;
   asked = now;
   const fields = app.motion && !app.pose && !app.live ? { t: app.at } : { q: poseNow() };
+  fields.opened = app.robot.opened;
   if (app.live && app.live.values.Velocity) {
     fields.dq = between(app.live.t, app.live.values.Velocity, fields.q.length, app.live.at);
   }
   const found = await act("judge", fields);
   judging = false;
-  if (!found) return;
+  if (!found || !found.margins) return;
   app.margins = found.margins;
   app.near = found.near;
   if (!app.playing && !app.live) dirty = true;
