@@ -232,6 +232,22 @@ def test_in_virtual_time_one_package_of_each_recipe_acts_in_a_cycle(machine):
     assert seen == [[1, -1], [2, -2], [3, -3], [3, -3]]
 
 
+def test_set_points_are_not_late_behind_signs_of_life(machine):
+    session = RtdeSession(machine, Owners(), orderly=True)
+    session.receive(rtde.request_protocol(2))
+    number, _ = inputs(session, ["input_double_register_0"])
+    point = Recipe.of(["input_double_register_0"], ["DOUBLE"], number)
+    number, _ = inputs(session, ["input_int_register_25"])
+    life = Recipe.of(["input_int_register_25"], ["INT32"], number)
+    moved, alive = point.packet([1.0]), life.packet([0])
+    session.receive(moved + life.packet([7]) + 20 * alive + point.packet([2.0]) + moved)
+    seen = []
+    for _ in range(4):
+        session.queue.apply_next(guided=True)
+        seen.append(machine.output("input_double_register_0"))
+    assert seen == [1.0, 2.0, 1.0, 1.0]
+
+
 def test_of_a_client_that_writes_too_much_the_newest_act(machine):
     session = RtdeSession(machine, Owners(), orderly=True)
     session.receive(rtde.request_protocol(2))

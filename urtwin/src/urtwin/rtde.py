@@ -49,7 +49,7 @@ class InputQueue:
         self._waiting: deque[tuple[int, Mapping[str, Value]]] = deque()
         self._last = -PATIENCE_S
         self._streak = 0
-        self._steered = -MEMORY_S
+        self._steered, self._guide = -MEMORY_S, False
         self.asked = False
         """Whether the client was sent a package since it wrote."""
 
@@ -58,10 +58,10 @@ class InputQueue:
         self._waiting.append((recipe, values))
         self._last, self.asked = now, False
         # Commands that are answered, such as ur_rtde's moveJ, are followed by one without numbers.
-        steers = any(name.startswith(_SETPOINTS) for name in values)
+        steers = _steers(values)
         self._streak = self._streak + 1 if steers else 0
         if steers:
-            self._steered = now
+            self._steered, self._guide = now, True
         while len(self._waiting) > LONGEST:
             self._act()
 
@@ -73,14 +73,17 @@ class InputQueue:
     def apply_next(self, guided: bool) -> None:
         """Let act what belongs to this cycle.
 
-        Where a client writes set points (`guided`), what others say belongs to one of them.
+        Where a client writes set points (`guided`), what others say belongs to one of them; its
+        own signs of life, equal packages, act together: set points would stay late behind them.
         Otherwise all acts, a wish to stop not behind signs of life in a bunch.
         """
         if not guided:
             self.apply_all()
             return
         seen: set[int] = set()
-        while self._waiting and self._waiting[0][0] not in seen:
+        last = None
+        while self._waiting and (self._waiting[0][0] not in seen or self._waiting[0] == last):
+            last = self._waiting[0] if self._guide and not _steers(self._waiting[0][1]) else None
             seen.add(self._waiting[0][0])
             self._act()
 
@@ -100,6 +103,11 @@ class InputQueue:
         _, values = self._waiting.popleft()
         for name, value in values.items():
             self._write(name, value)
+
+
+def _steers(values: Iterable[str]) -> bool:
+    """Whether inputs may be a set point."""
+    return any(name.startswith(_SETPOINTS) for name in values)
 
 
 class Owners:
