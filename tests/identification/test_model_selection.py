@@ -95,7 +95,7 @@ def test_the_columns_that_a_joint_may_take_know_their_signs() -> None:
     columns = CandidateColumns(
         stepped=(("fc", None),),
         extras=("fo", "fca", "fr", "fl"),
-        stribeck_velocity=0.1,
+        stribeck_velocity=(0.1,),
         levers=np.ones(1),
         unit=np.ones(1),
     )
@@ -108,19 +108,20 @@ def test_the_columns_that_a_joint_may_take_know_their_signs() -> None:
 def test_a_joint_that_slides_tries_its_own_widths_and_displacements() -> None:
     columns = CandidateColumns(
         stepped=(("fc", None),),
-        extras=(),
-        stribeck_velocity=0.1,
+        extras=("fs",),
+        stribeck_velocity=(0.1, 0.1 * LEVER),
         levers=np.array([1.0, LEVER]),
         unit=np.array([1.0, LEVER]),
         displacements=DISPLACEMENTS,
     )
     dq, states = np.linspace(-1, 1, 21), np.zeros((len(DISPLACEMENTS), 21))
-    turning = columns.values(dq, dq, states, 1.0)
-    np.testing.assert_allclose(columns.values(LEVER * dq, dq, states, LEVER), turning, atol=SAME)
+    turning, sliding = (columns.values(j, by * dq, dq, states) for j, by in ((0, 1.0), (1, LEVER)))
+    np.testing.assert_allclose(sliding, turning, atol=SAME)
     choices = (JointChoice(0, frozenset(), 1), JointChoice(2, frozenset()))
     found = chosen_friction(choices, columns, None)
     assert found.width == (WIDTHS[0], LEVER * WIDTHS[2])
     assert found.presliding == (DISPLACEMENTS[1], 0.0)
+    assert found.stribeck_velocity == (0.1, 0.1 * LEVER)
 
 
 def test_blocks_leave_out_what_least_squares_on_the_other_rows_leaves_out() -> None:

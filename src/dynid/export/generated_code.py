@@ -39,7 +39,7 @@ def arrays(model: ExportModel) -> Iterator[tuple[str, str, Array]]:
     about = "m, mx, my, mz, Jxx, Jyy, Jzz, Jyz, Jxz, Jxy about the joint frame"
     yield about, "inertials", model.inertials
     yield "of the Coulomb step tanh(dq / width), 0 for the sign", "width", model.width
-    yield "", "stribeck_velocity", np.array(model.stribeck_velocity)
+    yield "", "stribeck_velocity", model.stribeck_velocity
     for symbol in JOINT_SYMBOLS:
         yield "", symbol.lower(), model.terms[symbol]
     for symbol in MOTOR_SYMBOLS:

@@ -46,8 +46,8 @@ class ExportModel:
     """Symbol to (n) coefficients, zero where a joint or motor does not have the term."""
     width: Array
     """(n) width of the Coulomb step tanh(dq / width) [rad/s or m/s]; 0 for the sign."""
-    stribeck_velocity: float
-    """[rad/s or m/s]"""
+    stribeck_velocity: Array
+    """(n) [rad/s or m/s]"""
     shares: Array
     """(k, n) turns of each coupled motor per turn of the joints; k = 0 without coupling."""
     motors: tuple[int, ...] = ()
@@ -114,14 +114,13 @@ def completed_model(estimate: Estimate) -> tuple[ExportModel, Completion]:
         symbol = column.name.rstrip("0123456789")
         terms.setdefault(symbol, np.zeros(n))[column.joint] = value
     friction = model.friction
-    width = friction.width
     motors = coupled_motors(robot)
     whole = ExportModel(
         robot=robot,
         inertials=_about_joints(values[: 10 * n], frames),
         terms=terms,
-        width=np.broadcast_to(np.asarray(width, dtype=np.float64), (n,)),
-        stribeck_velocity=friction.stribeck_velocity,
+        width=np.broadcast_to(np.asarray(friction.width, dtype=np.float64), (n,)),
+        stribeck_velocity=np.broadcast_to(friction.stribeck_velocity, (n,)),
         shares=motor_turns(robot),
         motors=motors,
         load=None

@@ -80,7 +80,7 @@ def model_to_json(model: ExportModel) -> dict[str, Any]:
         "links": _links(model, model.inertials),
         "terms": {symbol: values.tolist() for symbol, values in model.terms.items()},
         "coulomb_width": model.width.tolist(),
-        "stribeck_velocity": model.stribeck_velocity,
+        "stribeck_velocity": model.stribeck_velocity.tolist(),
         "coupled_motors": [
             {"motor": motor + 1, "turns_per_joint_turn": share}
             for motor, share in zip(model.motors, model.shares.tolist(), strict=True)
@@ -100,7 +100,7 @@ def model_from_json(data: Mapping[str, Any]) -> ExportModel:
         inertials=_rows(data["links"]),
         terms={str(symbol): np.array(values) for symbol, values in data["terms"].items()},
         width=np.array(data["coulomb_width"]),
-        stribeck_velocity=data["stribeck_velocity"],
+        stribeck_velocity=np.broadcast_to(data["stribeck_velocity"], (robot.joints,)),
         shares=np.array([one["turns_per_joint_turn"] for one in motors]).reshape(-1, robot.joints),
         motors=tuple(one["motor"] - 1 for one in motors),
         load=None if load is None else _rows(load),

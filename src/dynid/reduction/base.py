@@ -29,9 +29,9 @@ ACCELERATION = 5.5 * np.pi
 
 
 def random_states(
-    robot: RobotModel, samples: int, seed: int, speed: float = SPEED
+    robot: RobotModel, samples: int, seed: int, speed: float | Array = SPEED
 ) -> tuple[Array, Array, Array]:
-    """Uniform random q, dq, ddq, each (samples, n); q spans +-pi rad or +-1 m, dq +-speed."""
+    """Uniform random q, dq, ddq, each (samples, n); q spans +-pi rad or +-1 m, dq +-speed (n)."""
     generator = np.random.default_rng(seed)
     shape = (samples, robot.joints)
     reach = np.where(robot.prismatic, 1.0, np.pi)
@@ -249,7 +249,7 @@ def reduce_model(
     states = [(q, dq, ddq)]
     if not static and any(term == "fs" for term, _ in model.friction.terms):
         # Random speeds of pi rad/s rarely meet a Stribeck peak that ends near 0.1 rad/s.
-        speed = 2 * model.friction.stribeck_velocity
+        speed = 2 * np.array(model.friction.stribeck_velocity)
         states.append(random_states(model.robot, rows, seed + 1, speed))
     w = np.vstack([structural.observation_matrix(*some) for some in states])
     classes = rank_and_classes(w, tolerance)

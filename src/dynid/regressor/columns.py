@@ -16,6 +16,7 @@ from dynid.regressor.terms import (
     TERMS,
     FrictionTerms,
     Width,
+    by_joint,
     smooth_sign,
     smooth_slope,
     stribeck,
@@ -70,7 +71,7 @@ def _stribeck(shape: FrictionTerms, dq: Array) -> Array:
 
 
 def _stribeck_slope(shape: FrictionTerms, dq: Array) -> Array:
-    fall = 2.0 * dq / shape.stribeck_velocity**2 * smooth_sign(dq, shape.width)
+    fall = 2.0 * dq / by_joint(shape.stribeck_velocity) ** 2 * smooth_sign(dq, shape.width)
     return stribeck(dq, shape.stribeck_velocity) * (smooth_slope(dq, shape.width) - fall)
 
 

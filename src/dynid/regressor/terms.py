@@ -6,7 +6,7 @@ Friction: smoothed Coulomb, load-dependent, presliding (Dahl) and gear ripple.
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -14,7 +14,7 @@ from numba import njit
 from dynid.core import Array, InputError
 
 Width = float | tuple[float, ...]
-"""One width for all joints, or one a joint [rad/s or m/s]; 0 gives the sign."""
+"""One speed for all joints, or one a joint [rad/s or m/s]; as a width, 0 gives the sign."""
 
 
 def smooth_sign(dq: Array, width: Width) -> Array:
@@ -37,9 +37,14 @@ def smooth_slope(dq: Array, width: Width) -> Array:
     return out
 
 
-def stribeck(dq: Array, velocity: float) -> Array:
-    """exp(-(dq / velocity)^2): how much of the breakaway torque is left at a speed."""
-    return np.exp(-np.square(dq / velocity))
+def stribeck(dq: Array, velocity: Width) -> Array:
+    """exp(-(dq / velocity)^2) for dq (n, N) or (N): the share of breakaway torque that is left."""
+    return np.exp(-np.square(dq / by_joint(velocity)))
+
+
+def by_joint(speeds: Width) -> Array:
+    """Speeds that divide dq (n, N): (n, 1), or one for all joints."""
+    return np.array(speeds)[:, None] if isinstance(speeds, tuple) else np.array(speeds)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -288,8 +293,8 @@ class FrictionTerms:
     """(term, joints from 0, or None for all)."""
     width: float | tuple[float, ...] = PAPER_WIDTH
     """Width of the Coulomb step, for all or a joint [rad/s or m/s]; 0 gives the sign."""
-    stribeck_velocity: float = STRIBECK_VELOCITY
-    """For the term `fs` [rad/s or m/s]."""
+    stribeck_velocity: Width = STRIBECK_VELOCITY
+    """For the term `fs`, for all or a joint [rad/s or m/s]."""
     presliding: tuple[float, ...] = ()
     """Displacement over which each joint's friction builds up [rad or m]; 0 for joints without,
     none at all for an arm without. Coulomb, Stribeck and load friction are then `friction_state`
@@ -308,10 +313,13 @@ class FrictionTerms:
                 value=",".join(words),
                 limit=",".join(TERMS),
             )
-        widths = self.width if isinstance(self.width, tuple) else (self.width,)
+        widths, speeds = (
+            given if isinstance(given, tuple) else (given,)
+            for given in (self.width, self.stribeck_velocity)
+        )
         if not all(math.isfinite(w) and w >= 0 for w in widths):
             raise InputError("Coulomb widths must not be negative", value=self.width)
-        if not (math.isfinite(self.stribeck_velocity) and self.stribeck_velocity > 0):
+        if not all(math.isfinite(v) and v > 0 for v in speeds):
             raise InputError("the Stribeck velocity must be positive", value=self.stribeck_velocity)
         if not all(math.isfinite(d) and d >= 0 for d in self.presliding):
             raise InputError("displacements must not be negative", value=self.presliding)
@@ -357,8 +365,10 @@ class FrictionTerms:
             )
         if self.load is not None:
             self.load.check_joints(joints)
-        if isinstance(self.width, tuple) and len(self.width) != joints:
-            raise InputError("one Coulomb width a joint", value=len(self.width), limit=joints)
+        shapes = {"Coulomb width": self.width, "Stribeck velocity": self.stribeck_velocity}
+        for what, given in shapes.items():
+            if isinstance(given, tuple) and len(given) != joints:
+                raise InputError(f"one {what} a joint", value=len(given), limit=joints)
         if len(self.presliding) not in (0, joints):
             raise InputError("one displacement a joint", value=len(self.presliding), limit=joints)
 
@@ -371,10 +381,9 @@ class FrictionTerms:
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
-        width = list(self.width) if isinstance(self.width, tuple) else self.width
         return {
             "terms": self.describe(),
-            "width": width,
+            "width": self.width,
             "stribeck_velocity": self.stribeck_velocity,
             **({"presliding": list(self.presliding)} if self.presliding else {}),
             **({} if self.load is None else {"load": self.load.to_json()}),
@@ -386,7 +395,7 @@ def parse_terms(
     text: str,
     *,
     width: float | tuple[float, ...] = PAPER_WIDTH,
-    stribeck_velocity: float = STRIBECK_VELOCITY,
+    stribeck_velocity: Width = STRIBECK_VELOCITY,
 ) -> FrictionTerms:
     """Read `--terms`: words of `TERMS`, each with the joints it is for if not all (`fo:1+3`).
 
@@ -418,15 +427,10 @@ def terms_from_json(data: Mapping[str, Any]) -> FrictionTerms:
         InputError: Missing keys or values of the wrong type.
     """
     try:
-        width = data["width"]
         friction = parse_terms(
             str(data["terms"]),
-            width=(
-                tuple(float(w) for w in cast("list[Any]", width))
-                if isinstance(width, list)
-                else float(width)
-            ),
-            stribeck_velocity=float(data["stribeck_velocity"]),
+            width=_speeds(data["width"]),
+            stribeck_velocity=_speeds(data["stribeck_velocity"]),
         )
         return replace(
             friction,
@@ -436,6 +440,11 @@ def terms_from_json(data: Mapping[str, Any]) -> FrictionTerms:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise InputError("friction terms cannot be read", value=str(data)) from error
+
+
+def _speeds(data: Any) -> Width:
+    """For all joints, or one a joint."""
+    return float(data) if isinstance(data, float | int) else tuple(float(x) for x in data)
 
 
 def _is_count(text: str) -> bool:

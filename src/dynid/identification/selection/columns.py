@@ -57,8 +57,8 @@ class CandidateColumns:
     """Terms with a step that all choices have, and their joints from 0; None for all."""
     extras: tuple[str, ...]
     """Terms that a joint may take besides; those `with_step` last."""
-    stribeck_velocity: float
-    """[rad/s or m/s]"""
+    stribeck_velocity: tuple[float, ...]
+    """Of each joint [rad/s or m/s]."""
     levers: Array
     """(n) 1 for joints that turn, `LEVER` for those that slide."""
     displacements: tuple[float, ...] = ()
@@ -81,20 +81,21 @@ class CandidateColumns:
         every = [regressor.friction_state(q, d, periodic=periodic) for d in over]
         return np.stack(every, axis=1) if every else np.zeros((len(q), 0, samples.count))
 
-    def values(self, dq: Array, load: Array, states: Array, lever: float) -> Array:
+    def values(self, joint: int, dq: Array, load: Array, states: Array) -> Array:
         """(c, N) the columns of one joint.
 
-        Of its velocities (N), the size of its load (N), its states of presliding friction (d, N)
-        and its lever, see `levers`.
+        Of its velocities (N), the size of its load (N) and its states of presliding friction
+        (d, N).
         """
+        lever, speed = float(self.levers[joint]), self.stribeck_velocity[joint]
         widths = [lever * width for width in WIDTHS]
         stepped: list[Array] = []
         for term, _ in self.stepped:
-            stepped += [*(self._column(term, dq, width) for width in widths), *states]
+            stepped += [*(_column(term, dq, width, speed) for width in widths), *states]
         within = lever * EXTRA_WIDTH
-        extra = [self._column(t, dq, within) for t in self.extras if t not in self.with_step]
+        extra = [_column(t, dq, within, speed) for t in self.extras if t not in self.with_step]
         steps = np.array([*(regressor.smooth_sign(dq, width) for width in widths), *states])
-        times = {"fs": regressor.stribeck(dq, self.stribeck_velocity), LOAD: load}
+        times = {"fs": regressor.stribeck(dq, speed), LOAD: load}
         grown = [
             times[term] * step for term in self.extras if term in self.with_step for step in steps
         ]
@@ -138,10 +139,10 @@ class CandidateColumns:
         found += [replace(now, terms=now.terms ^ {term}) for term in range(len(self.extras))]
         return [move for move in found if move != now]
 
-    def _column(self, term: str, dq: Array, width: float) -> Array:
-        shape = regressor.FrictionTerms(width=width, stribeck_velocity=self.stribeck_velocity)
-        velocity = dq[None]
-        return regressor.JointColumns(term=term, shape=shape).values(velocity, velocity)[0]
+
+def _column(term: str, dq: Array, width: float, stribeck_velocity: float) -> Array:
+    shape = regressor.FrictionTerms(width=width, stribeck_velocity=stribeck_velocity)
+    return regressor.JointColumns(term=term, shape=shape).values(dq[None], dq[None])[0]
 
 
 EXTRA_TERMS = ("fo", "fca", "fva", "fr", *WITH_STEP)
@@ -165,6 +166,7 @@ def chosen_friction(
             load = regressor.LoadFriction(joints=joints, parameters=(0.0,) * (10 * len(choices)))
         elif joints:
             joints_of[term] = joints if len(joints) < len(choices) else None
+    speeds = columns.stribeck_velocity
     pairs = list(zip(choices, columns.levers.tolist(), strict=True))
     over = tuple(
         0.0 if choice.displacement is None else lever * DISPLACEMENTS[choice.displacement]
@@ -173,7 +175,7 @@ def chosen_friction(
     return regressor.FrictionTerms(
         terms=tuple((term, joints_of[term]) for term in regressor.TERMS if term in joints_of),
         width=tuple(lever * WIDTHS[choice.width] for choice, lever in pairs),
-        stribeck_velocity=columns.stribeck_velocity,
+        stribeck_velocity=speeds if len(set(speeds)) > 1 else speeds[0],
         presliding=over if any(over) else (),
         load=load,
     )

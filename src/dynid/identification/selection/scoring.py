@@ -147,10 +147,13 @@ class ScoreSearch:
         stepped = ("fc", "fca", "fs")
         shared = tuple(term for term in fixed.terms if term[0] not in stepped)
         levers = np.where(robot.prismatic, LEVER, 1.0)
+        # What is given stays as it is; ours is that of joints that turn.
+        speeds = np.broadcast_to(fixed.stribeck_velocity, levers.shape)
+        speeds = speeds * levers if terms is None else speeds
         self.columns = CandidateColumns(
             stepped=tuple(term for term in fixed.terms if term[0] in stepped),
             extras=EXTRA_TERMS if terms is None else (),
-            stribeck_velocity=fixed.stribeck_velocity,
+            stribeck_velocity=tuple(speeds.tolist()),
             levers=levers,
             unit=levers,
             displacements=DISPLACEMENTS if presliding and terms is None else (),
@@ -274,11 +277,11 @@ class ScoreSearch:
         load = np.zeros(samples.q.T.shape)
         if inertias is not None:
             load = load_size(self.base.model, samples, inertias)
-        each = zip(samples.dq.T, load, columns.states(samples), columns.levers, strict=True)
+        each = zip(samples.dq.T, load, columns.states(samples), strict=True)
         # The largest array of an identification: joint by joint into its place.
         own = np.empty((len(columns.positive), *load.shape))
         for j, joint in enumerate(each):
-            own[:, j] = columns.values(*joint)
+            own[:, j] = columns.values(j, *joint)
         own = samples.as_recorded(own)
         # The torques come in several versions: only what is added to them is wanted here.
         still = replace(samples, tau=np.zeros(samples.q.shape))
