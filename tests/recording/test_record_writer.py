@@ -164,6 +164,20 @@ def test_damage_in_a_partial_file_ends_the_recording_there(tmp_path: Path) -> No
         assert record.samples < 240
 
 
+@pytest.mark.parametrize("removed", ["file", "folder"])
+def test_rows_whose_file_or_folder_was_removed_are_kept(tmp_path: Path, removed: str) -> None:
+    path = tmp_path / "runs" / "run.parquet"
+    path.parent.mkdir()
+    with open_writer(path) as writer:
+        fill(writer, 100)
+        shutil.rmtree(path.parent)
+        if removed == "file":
+            path.parent.mkdir()
+        fill(writer, 100, start=100)
+    assert read_record(path).samples == 200
+    assert os.listdir(path.parent) == ["run.parquet"]
+
+
 def test_too_short_a_run_keeps_its_partial_file(tmp_path: Path) -> None:
     path = tmp_path / "run.parquet"
     with pytest.raises(RecordError, match="two samples"), open_writer(path) as writer:

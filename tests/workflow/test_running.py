@@ -231,6 +231,23 @@ def test_a_full_disk_keeps_what_fitted(
     assert f"{record.samples} samples are kept in {path}" in message
 
 
+def test_no_rows_are_said_to_be_kept_where_there_are_none(
+    design: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "run.parquet"
+
+    def refuse(*_: object, **__: object) -> None:
+        (tmp_path / "run.parquet.partial").unlink()
+        raise JobError("the recording cannot be written")
+
+    monkeypatch.setattr("dynid.recording.store.write_record", refuse)
+    run = run_design(design, path, settings=RunSettings(repeat=1))
+    assert run.record is None
+    assert run.to_json()["samples"] == 0
+    with pytest.raises(JobError, match="nothing is kept"):
+        run.raise_if_aborted()
+
+
 def test_a_disk_that_refuses_the_end_loses_no_rows(
     design: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

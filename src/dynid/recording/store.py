@@ -68,16 +68,19 @@ def pack(kind: bytes, payload: bytes) -> bytes:
     return _HEAD.pack(kind, len(payload), zlib.crc32(kind + payload)) + payload
 
 
-def recover(path: Path, *, finished: bool = False) -> ExperimentRecord:
+def recover(path: Path, file: int | None = None, *, finished: bool = False) -> ExperimentRecord:
     """The recording that a `.partial` file holds, up to its first damaged segment.
 
-    Where its writer `finished` in good order, the file is not reported as cut off.
+    It is read from the open `file`, if there is one. Where its writer `finished` in good order,
+    the file is not reported as cut off.
 
     Raises:
         RecordError: The description is lost, or there are fewer than two rows.
     """
     try:
-        data = path.read_bytes()
+        with open(path if file is None else file, "rb", closefd=file is None) as stream:
+            stream.seek(0)
+            data = stream.read()
     except OSError as error:
         raise unreadable(path, error) from error
     segments = list(_segments(data))

@@ -196,16 +196,20 @@ class RecordWriter:
             return
         try:
             self.flush()
+            self._disk.shutdown(wait=True)
+            self._raise_sync()
+            # Read from the open file: the rows are there even if its name or folder was removed.
+            record = store.recover(self._partial, self._file, finished=True)
         finally:
             self._disk.shutdown(wait=True)
             os.close(self._file)
             self._file = None
-        self._raise_sync()
-        record = store.recover(self._partial, finished=True)
         stands = self.path.exists() and (self._aborted or not self._force)
         why = "aborted" if self._aborted else "new"
         beside = free_name(self.path, f"{self.path.stem}.{why}-", self.path.suffix)
         target = beside if stands else self.path
+        with suppress(OSError):
+            target.parent.mkdir(parents=True, exist_ok=True)
         store.write_record(record, target, force=True)
         self._partial.unlink(missing_ok=True)
         self.record_path, self._saved = target, record.samples

@@ -437,7 +437,8 @@ def _execute(
     if not opened:
         return Run(result=result, record=None, design=loaded)
     # What was appended need not have been written: the disk is what counts.
-    samples, record = opened[0].saved_samples, opened[0].record_path
+    record = opened[0].record_path
+    samples = opened[0].saved_samples if record.exists() else 0
     abort, outcome = result.outcome.abort, result.outcome
     if abort is not None:
         if samples >= 2 and record.suffix == path.suffix:
