@@ -234,7 +234,11 @@ def _stream(control: _Control, packages: int) -> list[bytes | None]:
             assert not way.arrived.is_set() or control.kicked.wait(10.0)
         numbers = [0.0] * max(place.stop for place in layout.places.values())
         numbers[layout.places["target_q"]] = control.q
-        return [stream.answer(numbers) for _ in range(packages)]
+        answers: list[bytes | None] = []
+        for index in range(packages):
+            numbers[layout.places[layout.index]] = [index]
+            answers.append(stream.answer(numbers))
+        return answers
     finally:
         way.leave()
 
@@ -254,6 +258,13 @@ def test_no_set_point_is_sent_to_an_arm_that_is_elsewhere() -> None:
         _stream(ended, 1)
     assert not control.served.is_set()
     assert not ended.served.is_set()
+
+
+def test_an_arm_that_another_program_holds_is_streamed_to_no_more() -> None:
+    """The numbers of the set points, which are our own, went on to the last one."""
+    control = _Control()
+    with pytest.raises(Refused, match="another program"):
+        _stream(control, CYCLES)
 
 
 APPROACHES = """

@@ -199,6 +199,8 @@ _LOOK_S = 0.01
 """How often ur_rtde's watchdog is kicked before the first set point [s]."""
 _ARRIVED = 1e-3
 """The target at this distance from a pose has reached it [rad]."""
+_LAG_S, _OFF_STREAM = 0.3, 0.05
+"""The target follows the set points at most so late [s], and at most so far off them [rad]."""
 
 
 class ServojDriver(RtdeDriver):
@@ -287,8 +289,10 @@ class Stream:
         self, control: Any, layout: Layout, feed: Recipe, execution: Execution, way: Way
     ) -> None:
         self._control, self._feed, self._execution = control, feed, execution
-        self._setpoints = execution.setpoints().tolist()
+        self._path, self._layout = execution.setpoints(), layout
+        self._setpoints = self._path.tolist()
         self._target, self._way = layout.places["target_q"], way
+        self._lag = round(_LAG_S * execution.rate_hz)
         self._next, self._late = -_LEAD_CYCLES, 0
         self._cycle = 1.0 / execution.rate_hz
         self._hold = round(_HOLD_S * execution.rate_hz)
@@ -298,6 +302,7 @@ class Stream:
         """Send the next set point, and its number; nothing on the way to the start."""
         if self._next == -_LEAD_CYCLES and not self._at_start(numbers):
             return None
+        self._check_target(numbers)
         k, last = self._next, self._execution.total - 1
         self._next += 1
         q = self._setpoints[max(min(k, last), 0) % self._execution.cycles]
@@ -308,6 +313,19 @@ class Stream:
         if not sent:
             raise Refused("ur_rtde has lost its program on the controller")
         return self._feed.packet([max(min(k, last + 1), -1)])
+
+    def _check_target(self, numbers: Numbers) -> None:
+        """The numbers of set points are our own: they go on where another program moves the arm."""
+        index = int(self._layout.number(numbers, self._layout.index))
+        due = np.arange(index - self._lag, index + SLACK + 1).clip(0, self._execution.total - 1)
+        recent, target = self._path[due % self._execution.cycles], np.array(numbers[self._target])
+        away = np.maximum(recent.min(axis=0) - target, target - recent.max(axis=0)).max()
+        if not away <= _OFF_STREAM:
+            raise Refused(
+                "the arm is off its set points: another program has taken the robot over",
+                value=f"{away:.3g} rad",
+                limit=f"{_OFF_STREAM:g} rad",
+            )
 
     def _at_start(self, numbers: Numbers) -> bool:
         """Whether set points can be sent: to an arm elsewhere the first one is a jump."""
