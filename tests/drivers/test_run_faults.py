@@ -14,6 +14,7 @@ import signal
 import socket
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
@@ -299,6 +300,27 @@ def test_nothing_moves_without_a_typed_word(
     said = capsys.readouterr().err
     for fact in ("payload: 0 kg set", "mounted as: floor", "UR5, software", "1 x 2 s"):
         assert fact in said
+
+
+def test_no_progress_is_drawn_over_the_question(
+    controller: RunningController, fault: Fault, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    err, drawn = Terminal(), list[str]()
+
+    def think(*_: object, **__: object) -> str:
+        before = len(err.getvalue())
+        time.sleep(0.3)
+        drawn.append(err.getvalue()[before:])
+        return controller.host
+
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys, "stdin", Terminal())
+    monkeypatch.setattr(sys, "stderr", err)
+    monkeypatch.setattr("typer.prompt", think)
+    words = ["run", fault.design, "--on", f"ur://{controller.host}", "-o", fault.record]
+    assert main([*map(str, words), "--repeat", "1"]) == 0
+    assert drawn == [""]
+    assert "run: run" in err.getvalue()
 
 
 def test_the_state_of_the_robot_is_told_before_a_way_is_searched(

@@ -6,6 +6,7 @@ import math
 import shlex
 import sys
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -238,7 +239,8 @@ def run_command(
             # Planning takes seconds: Ctrl-C in them is no reason to ask.
             if cancel.is_set():
                 raise KeyboardInterrupt
-            _ask(what, word)
+            with nullcontext() if progress is None else progress.hidden():
+                _ask(what, word)
 
         confirm = None if yes else ask_first
         given: dict[str, Any] = {"on": on, "settings": settings, "confirm": confirm}

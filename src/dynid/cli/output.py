@@ -8,7 +8,7 @@ import math
 import os
 import shlex
 import sys
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,7 @@ from dynid.core import InputError, require_absent
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.progress import Progress
     from rich.table import Column
 
 
@@ -174,8 +175,27 @@ def check_output(
         raise InputError(said, where=where, value=folder) from error
 
 
+class ProgressBar:
+    """Shows how far a job is."""
+
+    def __init__(self, title: str, bars: Progress) -> None:
+        self._title, self._bars = title, bars
+        self._task = bars.add_task(title, total=1.0)
+
+    def __call__(self, what: str, share: float) -> None:
+        """Show what is being done and how far it is (0 to 1)."""
+        self._bars.update(self._task, description=f"{self._title}: {what}", completed=share)
+
+    @contextmanager
+    def hidden(self) -> Generator[None]:
+        """Show nothing while the context lasts: a bar is drawn over the line of a question."""
+        self._bars.stop()
+        yield
+        self._bars.start()
+
+
 @contextmanager
-def progress_bar(title: str) -> Generator[Callable[[str, float], None] | None]:
+def progress_bar(title: str) -> Generator[ProgressBar | None]:
     """Show how far a job is; None, and nothing is shown, where stderr is no terminal."""
     if not sys.stderr.isatty():
         yield None
@@ -189,9 +209,4 @@ def progress_bar(title: str) -> Generator[Callable[[str, float], None] | None]:
         bars.TimeRemainingColumn(),
     )
     with bars.Progress(*columns, console=console(stderr=True), transient=True) as progress:
-        task = progress.add_task(title, total=1.0)
-
-        def tell(what: str, share: float) -> None:
-            progress.update(task, description=f"{title}: {what}", completed=share)
-
-        yield tell
+        yield ProgressBar(title, progress)
