@@ -65,8 +65,14 @@ def test_a_way_is_found_where_the_straight_one_collides(planned: Approach) -> No
 
 
 def test_a_seed_gives_the_same_way_again(planned: Approach) -> None:
-    again = plan_approach(UPRIGHT, BEHIND, JUDGE, seed=3)
+    told: list[float] = []
+    again = plan_approach(
+        UPRIGHT, BEHIND, JUDGE, seed=3, progress=lambda _, share: told.append(share)
+    )
     np.testing.assert_array_equal(again.poses, planned.poses)
+    assert told == sorted(told)
+    assert told[0] == 0.0
+    assert told[-1] < 1.0
     space = FreeSpace(JUDGE, UPRIGHT, BEHIND, speed=0.5, room=0.0)
     ways = [find_way(space, np.random.default_rng(seed), 400) for seed in (1, 2)]
     assert not np.array_equal(*(np.zeros(0) if way is None else way for way in ways))

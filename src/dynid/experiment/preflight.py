@@ -11,7 +11,7 @@ from threading import Event
 import numpy as np
 
 from dynid.constraints import DISTANCES, Certificate, MotionConstraints, certify
-from dynid.core import Array, InputError, JobError
+from dynid.core import Array, InputError, JobError, Progress
 from dynid.drivers import ControllerState, mode_name
 from dynid.experiment.plan import ExperimentPlan
 from dynid.protocol import RobotMode, RuntimeState, SafetyMode
@@ -216,6 +216,7 @@ def plan_approach(
     *,
     seed: int = 0,
     cancel: Event | None = None,
+    progress: Progress | None = None,
 ) -> Approach:
     """Find and certify a way to the start.
 
@@ -225,6 +226,7 @@ def plan_approach(
         constraints: What the way is held to.
         seed: Of the search; the same seed gives the same way.
         cancel: Ends the search when it is set: nothing was found then.
+        progress: Told how much of the search is done (0 to 1).
 
     Returns:
         The straight way where it passes the certificate, else one through way points, each
@@ -244,6 +246,8 @@ def plan_approach(
     for number, (room, growths) in enumerate(SEARCHES if ends else ()):
         if cancel is not None and cancel.is_set():
             break
+        if progress is not None:
+            progress("search for a way to the start", number / len(SEARCHES))
         space = FreeSpace(constraints, q, start, speed=APPROACH_SPEED, room=room)
         poses = find_way(space, np.random.default_rng([seed, number]), growths)
         if poses is not None and all(

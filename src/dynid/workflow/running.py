@@ -274,7 +274,7 @@ def run_design(
                 torque_rms=np.sqrt(np.square(torque).mean(axis=0)).tolist(),
             )
         return finished
-    ready = _made_ready(plan, state, loaded, asked, confirm, cancel)
+    ready = _made_ready(plan, state, loaded, asked, confirm, cancel, progress)
     if ready is None:
         outcome = drivers.Outcome(samples=0, periods=0, gaps=0, abort=drivers.INTERRUPTED)
         return Run(result=RunResult(outcome=outcome, stopped_in=None), record=None, design=loaded)
@@ -305,6 +305,7 @@ def _made_ready(
     asked: RunSettings,
     confirm: Confirm | None,
     cancel: Event | None,
+    progress: Progress | None,
 ) -> ExperimentPlan | None:
     """The plan with its way to the start: check the design, then the robot, then ask.
 
@@ -319,7 +320,10 @@ def _made_ready(
     # What a person has to clear first is told at once, not after the search for a way.
     there = Approach(poses=np.stack([state.q, plan.start]))
     require_ready(check_robot(plan, state, there), state.host)
-    approach = plan_approach(state.q, plan.start, constraints, cancel=cancel)
+    approach = plan_approach(state.q, plan.start, constraints, cancel=cancel, progress=progress)
+    if progress is not None:
+        # What the search was told last says nothing of the robot, which comes next.
+        progress("run", 0.0)
     if cancel is not None and cancel.is_set():
         return None
     checks = check_robot(plan, state, approach)
