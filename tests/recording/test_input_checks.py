@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -125,3 +127,19 @@ def test_the_shape_that_positions_should_have_is_told(q: np.ndarray) -> None:
 def test_recordings_of_other_types_are_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(InputError, match=r"signals|channels|metadata|q "):
         ExperimentRecord(**{"t": [0.0, 1.0], "signals": {"q": np.zeros((2, 3))}} | wrong)
+
+
+class Table:
+    """As one of pandas: an array, and a sequence of its column names."""
+
+    def __array__(self, dtype: object = None, copy: object = None) -> np.ndarray:
+        return np.zeros((3, 2))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter("ab")
+
+
+@pytest.mark.parametrize("table", [Table(), {"a": [0.0], "b": [1.0]}, np.zeros((3, 2))])
+def test_numbers_in_memory_are_no_files(table: Any) -> None:
+    with pytest.raises(RecordError, match=r"no file.*got .*ExperimentRecord"):
+        read_recording(table)

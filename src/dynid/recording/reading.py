@@ -45,6 +45,13 @@ def _given_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
     Raises:
         RecordError: Missing, empty, or a folder that holds several recordings.
     """
+    if isinstance(paths, Mapping) or hasattr(paths, "__array__"):
+        # A table of pandas is a sequence of its column names.
+        raise RecordError(
+            "this is no file of a recording",
+            value=type(paths).__name__,
+            next_step="Numbers in memory: dynid.ExperimentRecord(t=T, signals={'q': Q, ...}).",
+        )
     files = [Path(paths)] if isinstance(paths, (str, Path)) else [Path(path) for path in paths]
     if not files:
         raise RecordError("no recording was given")
