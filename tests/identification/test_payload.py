@@ -233,6 +233,26 @@ def test_the_nearest_body_is_the_best_where_some_of_it_is_not_seen(seed: int) ->
         assert gap @ np.linalg.solve(root, other) > -ORTHOGONAL * np.linalg.norm(gap)
 
 
+@pytest.mark.parametrize("seed", range(10))
+def test_the_nearest_body_to_next_to_nothing_on_a_scara_is_next_to_nothing(seed: int) -> None:
+    """Of which parallel axes show m, mx, my and Jzz alone: the search has to stay exact."""
+    generator = np.random.default_rng(seed)
+    seen = [0, 1, 2, 6]
+    std = np.full(10, 100.0)
+    std[seen] = 0.01, 1e-3, 1e-3, 3e-4
+    free = 1e-9 * generator.normal(size=10)
+    free[0] = 0.003
+    free[seen] += np.abs(std[seen] * generator.normal(size=4))
+    free[6] *= -1
+    found = nearest_body(free, np.diag(np.square(std)))
+    assert np.linalg.eigvalsh(to_pseudo_inertia(found))[0] > -1e-9
+    # Seen of a rod along the axis through the centre is its mass alone: that far at most.
+    rod = np.linalg.norm(free[[1, 2, 6]] / std[[1, 2, 6]])
+    assert np.linalg.norm((found - free)[seen] / std[seen]) < rod
+    gap, gain = (found - free) / std, found / std
+    assert abs(gap @ gain) < 1e-5 * np.linalg.norm(gap) * np.linalg.norm(gain)
+
+
 def test_deviations_of_the_centre_are_those_of_draws() -> None:
     generator = np.random.default_rng(0)
     parameters = link_parameters(*body(2.0, (0.03, -0.02, 0.07)))

@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Finding, freeze, told
+from dynid.core import Array, Finding, freeze, solve_upper, told, upper_triangle
 from dynid.identification.shared import PAYLOAD, UNKNOWN, SharedFit, SharedProblem
 from dynid.robot import (
     PARAMETER_UNITS,
     PARAMETERS,
+    PSEUDO_INERTIA_BASIS,
     frame_map,
     from_pseudo_inertia,
     tensor,
@@ -30,7 +31,8 @@ _NEWTON = 50
 """Most steps with one of them; a few are enough."""
 _WHOLE, _STILL = 0.25, 1e-3
 """Steps that are taken whole, and last ones, as the barrier measures them: the digits double."""
-_UNITS = to_pseudo_inertia(np.eye(10))
+_UNITS = PSEUDO_INERTIA_BASIS / np.linalg.norm(PSEUDO_INERTIA_BASIS, axis=(1, 2), keepdims=True)
+"""(10, 4, 4) symmetric matrices, orthonormal."""
 
 
 def nearest_body(free: Array, covariance: Array) -> Array:
@@ -43,32 +45,37 @@ def nearest_body(free: Array, covariance: Array) -> Array:
     values, vectors = np.linalg.eigh(to_pseudo_inertia(free))
     if values[0] >= 0:
         return free.copy()
-    first = vectors * np.sqrt(np.maximum(values, _START * float(np.abs(values).max())))
     white = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=np.float64)
-    # Of the first body, symmetric matrices (4, 4) are ten numbers: it is the unit matrix.
-    bodies = from_pseudo_inertia(first @ _UNITS @ first.T)
-    slope = bodies @ white.T
-    x: Array = from_pseudo_inertia(np.eye(4))
-    size = 1.0 / float(np.square(x @ slope - white @ free).sum())
-    square, pull = size * slope @ slope.T, size * slope @ (white @ free)
-
+    root = vectors * np.sqrt(np.maximum(values, _START * float(np.abs(values).max())))
+    white = white / float(np.linalg.norm(white @ (_body(root) - free)))
     for weight in _BARRIERS.tolist():
         for _ in range(_NEWTON):
-            x, long = _step(x, square, pull, weight)
+            root, long = _step(root, white, free, weight)
             if long < _STILL:
                 break
-    return x @ bodies
+    return _body(root)
 
 
-def _step(x: Array, square: Array, pull: Array, weight: float) -> tuple[Array, float]:
-    """Newton's step of a body (10), and how long it was, as the barrier measures it."""
-    turned = np.linalg.solve(np.tensordot(x, _UNITS, axes=1), _UNITS)
-    down = square @ x - pull - weight * np.trace(turned, axis1=1, axis2=2)
-    bent = np.tensordot(turned, turned, axes=((1, 2), (2, 1)))
-    step = -np.asarray(np.linalg.solve(square + weight * bent, down), dtype=np.float64)
-    long = float(np.sqrt(max(0.0, -float(down @ step)) / weight))
+def _body(root: Array) -> Array:
+    return np.asarray(from_pseudo_inertia(root @ root.T), dtype=np.float64)
+
+
+def _step(root: Array, white: Array, free: Array, weight: float) -> tuple[Array, float]:
+    """Newton's step of a body by a root (4, 4), and how long it was, as the barrier measures it.
+
+    The body before the step is the unit matrix, of which the barrier bends every direction alike,
+    and the step is by least squares: deviations of 1e-5 and 1e2 go together so.
+    """
+    slope = from_pseudo_inertia(root @ _UNITS @ root.T).T
+    near = np.column_stack([white @ slope, white @ (free - _body(root))])
+    bent = np.column_stack([np.eye(10), np.trace(_UNITS, axis1=1, axis2=2)])
+    upper = upper_triangle(np.vstack([near, np.sqrt(weight) * bent]))[:10]
+    step = solve_upper(upper[:, :10], upper[:, 10])
+    long = float(np.linalg.norm(upper[:, 10])) / np.sqrt(weight)
     # Damped so, no step leaves the bodies that can exist: the barrier is self-concordant.
-    return x + step / (1.0 if long < _WHOLE else 1.0 + long), long
+    step = step / (1.0 if long < _WHOLE else 1.0 + long)
+    turned = np.linalg.cholesky(np.eye(4) + np.tensordot(step, _UNITS, axes=1))
+    return root @ np.asarray(turned, dtype=np.float64), long
 
 
 NORMAL_95 = 1.959964
