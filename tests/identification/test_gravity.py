@@ -14,6 +14,7 @@ from dynid.bench import Plant, arm, plant
 from dynid.cli.app import build
 from dynid.core import Array, InputError
 from dynid.identification import gravity_of
+from dynid.identification.gravity import BAND_SHARE, _band
 from dynid.recording import ExperimentRecord, are_poses
 
 SEEDS = range(6)
@@ -56,6 +57,15 @@ def test_gravity_is_predicted_better_than_published_and_within_intervals() -> No
         assert "mx6" not in found.unseen
     assert np.exp(np.log(better).mean()) < 0.75
     assert np.mean(held) > HELD
+
+
+@pytest.mark.parametrize("count", [20, 60, 300])
+def test_the_band_holds_its_share_of_poses_to_come_however_few_it_is_from(count: int) -> None:
+    """Errors uniform in [-1, 1], as friction that holds anything in its band."""
+    joints = 4000
+    band, std = _band(np.random.default_rng(0).uniform(-1, 1, (count, joints)))
+    assert abs(band.mean() - BAND_SHARE) < 0.005
+    assert (np.abs(band - BAND_SHARE) < 1.96 * std).mean() > 0.75
 
 
 def test_torques_that_are_not_those_of_gravity_are_doubted() -> None:

@@ -252,7 +252,8 @@ def _rms(errors: Array) -> Array:
 def _band(errors: Array) -> tuple[Array, Array]:
     """(n) half-width that holds `BAND_SHARE` of errors (P, n), and its standard deviation."""
     size, beside = np.abs(errors), np.sqrt(BAND_SHARE * (1 - BAND_SHARE) / len(errors))
-    low, middle, high = np.quantile(
-        size, [BAND_SHARE - beside, BAND_SHARE, min(BAND_SHARE + beside, 1.0)], axis=0
-    )
-    return middle, (high - low) / 2
+    shares = [BAND_SHARE - beside, BAND_SHARE, min(BAND_SHARE + beside, 1.0)]
+    # The k-th of P errors holds k / (P + 1) of those to come, whatever their distribution.
+    low, middle, high = np.quantile(size, shares, axis=0, method="weibull")
+    # Beside the largest of few errors nothing is larger: the wider side then tells.
+    return middle, np.maximum(high - middle, middle - low)
