@@ -155,19 +155,26 @@ def _joint(columns: Array, current: Array, rate_hz: float) -> tuple[Array, str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WeighedSystem:
-    """The problem with its columns in one order: own of each record, arm, unknown payload."""
+    """The problem with its columns in one order: own of each record, arm, unknown payload.
+
+    The arm's parameters are of each joint: one set for all would tie the gains together by what
+    the model of the arm gets wrong, so that only the payload does.
+    """
 
     problem: SharedProblem
     turn: Array
     """(10, 10) payload about the last link's frame from payload about the flange."""
     known: Array
     """(10) payload about the flange, NaN where unknown."""
+    shown: tuple[Array, ...]
+    """(n) combinations (s, k) of the arm's parameters that each joint shows."""
 
     @property
     def size(self) -> int:
         """Number of unknowns x, gains apart."""
         records, own = len(self.problem.problems), len(self.problem.own)
-        return records * own + len(self.problem.common) + int(np.isnan(self.known).sum())
+        arm = sum(each.shape[1] for each in self.shown)
+        return records * own + arm + int(np.isnan(self.known).sum())
 
     def spread(self, record: int, columns: Array) -> tuple[Array, Array]:
         """Columns (w, ...) of a record as (size, ...), and the known payload's torque (...)."""
@@ -177,12 +184,17 @@ class WeighedSystem:
         payload = np.tensordot(self.turn.T, columns[-PAYLOAD:], axes=1)
         wide = np.zeros((self.size, *columns.shape[1:]))
         wide[record * own : (record + 1) * own] = columns[:own]
-        wide[records * own : records * own + len(arm)] = arm
-        wide[records * own + len(arm) :] = payload[unknown]
+        first = records * own
+        for j, each in enumerate(self.shown):
+            wide[first : first + each.shape[1], j] = np.tensordot(each.T, arm[:, j], axes=1)
+            first += each.shape[1]
+        wide[first:] = payload[unknown]
         fixed = np.tensordot(self.known[~unknown], payload[~unknown], axes=1)
         return wide, np.asarray(fixed, dtype=np.float64)
 
 
+RANK = 1e-9
+"""Singular value over the largest above which a joint shows a combination."""
 ITERATIONS = 50
 CONVERGED = 1e-9
 RUNAWAY = 30.0
@@ -217,10 +229,10 @@ def weighed_gains(
     Raises:
         JobError: A singular problem, or one that does not converge.
     """
-    system = WeighedSystem(problem=problem, turn=turn, known=known)
     records, joints = len(problem.problems), problem.joints
     # Columns (R, n, h, size), known torques and currents (R, n, h), as square roots.
     factors = np.array([problem.factors(k) for k in range(records)])
+    system = WeighedSystem(problem=problem, turn=turn, known=known, shown=_shown(problem, factors))
     rows = enumerate(np.moveaxis(factors[..., :-1], -1, 1))
     wide, fixed = zip(*(system.spread(k, columns) for k, columns in rows), strict=True)
     data = np.moveaxis(np.array(wide), 1, -1), np.array(fixed), factors[..., -1]
@@ -257,6 +269,18 @@ def weighed_gains(
     payload[np.isnan(known)] = values[system.size - int(np.isnan(known).sum()) :]
     std = gain * np.sqrt(np.diag(covariance)[:joints])
     return WeighedGains(gain=gain, std=std, payload=payload)
+
+
+def _shown(problem: SharedProblem, factors: Array) -> tuple[Array, ...]:
+    """Combinations of the arm's parameters that each joint shows in factors (R, n, h, w)."""
+    own, common = len(problem.own), len(problem.common)
+    arm = factors[..., own : own + common]
+    size = np.sqrt(np.square(arm).sum(axis=(0, 1, 2)))
+    found: list[Array] = []
+    for j in range(problem.joints):
+        _, values, turn = np.linalg.svd(arm[:, j].reshape(-1, common) / size, full_matrices=False)
+        found.append((turn[values > RANK * values[0]] / size).T)
+    return tuple(found)
 
 
 def _check_scale(gain: Array, first: Array) -> None:
