@@ -13,6 +13,7 @@ from dynid.identification import Payload
 from dynid.identification.payload import GAINS_OFF, NORMAL_95, nearest_body
 from dynid.recording import ExperimentRecord
 from dynid.robot import (
+    RobotModel,
     from_pseudo_inertia,
     is_physical,
     load_robot,
@@ -21,7 +22,7 @@ from dynid.robot import (
 )
 from dynid.simulation import cylinder, link_parameters, simulate, simulated_arm, with_payload
 from dynid.trajectory import FourierSeries, random_excitation
-from dynid.workflow import identify_payload
+from dynid.workflow import identify_gains_from_payload, identify_payload
 from dynid.workflow.running import record_of
 
 MASS, CENTRE = 0.02, 0.005
@@ -146,14 +147,18 @@ def scara(carried: pin.Inertia, seed: int) -> ExperimentRecord:
 SCARA = ((0.0, 0.0, 0.4), (0.35, 0.0, 0.0), (0.25, 0.0, 0.0), (0.0, 0.0, -0.1))
 
 
-def test_what_a_scara_shows_of_its_payload_is_told_from_what_it_does_not() -> None:
+def scara_robot() -> RobotModel:
     placements = np.tile(np.eye(4), (4, 1, 1))
     placements[:, :3, 3] = SCARA
     axes, kinds = (
         np.tile([0.0, 0.0, 1.0], (4, 1)),
         ["revolute", "revolute", "prismatic", "revolute"],
     )
-    robot = robot_from_chain(placements=placements, axes=axes, name="scara", joint_types=kinds)
+    return robot_from_chain(placements=placements, axes=axes, name="scara", joint_types=kinds)
+
+
+def test_what_a_scara_shows_of_its_payload_is_told_from_what_it_does_not() -> None:
+    robot = scara_robot()
     truth = pin.Inertia(1.0, np.array([0.03, -0.02, 0.05]), 0.002 * np.eye(3))
     found = identify_payload(scara(pin.Inertia.Zero(), 1), scara(truth, 2), robot)
     seen = [0, 1, 2, 6]
@@ -162,6 +167,24 @@ def test_what_a_scara_shows_of_its_payload_is_told_from_what_it_does_not() -> No
     assert found.std[seen].max() < 0.1
     assert found.std[3] > 10
     assert ["mz, Jxx" in notice.text for notice in found.warnings] == [True]
+
+
+def test_a_weighed_payload_that_an_arm_shows_in_part_gives_gains() -> None:
+    gains = np.array([11.0, 7.0, 30.0, 2.0])
+
+    def currents(carried: pin.Inertia, seed: int) -> ExperimentRecord:
+        signals = dict(scara(carried, seed).signals)
+        signals["current"] = signals.pop("effort") / gains
+        return ExperimentRecord(t=scara(carried, seed).t, signals=signals)
+
+    carried = pin.Inertia(3.0, np.array([0.1, -0.05, 0.05]), 0.02 * np.eye(3))
+    pair = currents(pin.Inertia.Zero(), 1), currents(carried, 2)
+    found = identify_gains_from_payload(*pair, scara_robot(), mass=3.0)
+    assert (np.abs(found.gain - gains) < 3 * found.std).all()
+    assert (found.std < 0.1 * gains).all()
+    unseen = [3, 4, 5, 7, 8, 9]
+    assert np.flatnonzero(np.isnan(found.found.payload)).tolist() == unseen
+    np.testing.assert_allclose(found.found.payload[1:3], [0.3, -0.15], atol=0.05)
 
 
 def test_both_kinds_of_runs_are_needed() -> None:

@@ -167,14 +167,16 @@ class WeighedSystem:
     known: Array
     """(10) payload about the flange, NaN where unknown."""
     shown: tuple[Array, ...]
-    """(n) combinations (s, k) of the arm's parameters that each joint shows."""
+    """(n) combinations (k, s) of the arm's parameters that each joint shows."""
+    carried: Array
+    """(10, s) those of the unknown payload about the flange that any joint shows."""
 
     @property
     def size(self) -> int:
         """Number of unknowns x, gains apart."""
         records, own = len(self.problem.problems), len(self.problem.own)
         arm = sum(each.shape[1] for each in self.shown)
-        return records * own + arm + int(np.isnan(self.known).sum())
+        return records * own + arm + self.carried.shape[1]
 
     def spread(self, record: int, columns: Array) -> tuple[Array, Array]:
         """Columns (w, ...) of a record as (size, ...), and the known payload's torque (...)."""
@@ -188,7 +190,7 @@ class WeighedSystem:
         for j, each in enumerate(self.shown):
             wide[first : first + each.shape[1], j] = np.tensordot(each.T, arm[:, j], axes=1)
             first += each.shape[1]
-        wide[first:] = payload[unknown]
+        wide[first:] = np.tensordot(self.carried.T, payload, axes=1)
         fixed = np.tensordot(self.known[~unknown], payload[~unknown], axes=1)
         return wide, np.asarray(fixed, dtype=np.float64)
 
@@ -210,7 +212,8 @@ class WeighedGains:
     std: Array
     """(n) standard deviations that allow for correlated residuals [N.m/A]."""
     payload: Array
-    """(10) the payload about the flange: what was known, and the rest as found."""
+    """(10) the payload about the flange: what was known, the rest as found, NaN where no joint
+    shows it (all axes of an arm may be parallel)."""
 
 
 def weighed_gains(
@@ -232,7 +235,7 @@ def weighed_gains(
     records, joints = len(problem.problems), problem.joints
     # Columns (R, n, h, size), known torques and currents (R, n, h), as square roots.
     factors = np.array([problem.factors(k) for k in range(records)])
-    system = WeighedSystem(problem=problem, turn=turn, known=known, shown=_shown(problem, factors))
+    system = _system(problem, factors, turn, known)
     rows = enumerate(np.moveaxis(factors[..., :-1], -1, 1))
     wide, fixed = zip(*(system.spread(k, columns) for k, columns in rows), strict=True)
     data = np.moveaxis(np.array(wide), 1, -1), np.array(fixed), factors[..., -1]
@@ -265,22 +268,43 @@ def weighed_gains(
     else:
         raise JobError("the drive gains do not converge", value=gain.tolist())
     covariance = _covariance(system, gain, values, noise, root)
-    payload = known.copy()
-    payload[np.isnan(known)] = values[system.size - int(np.isnan(known).sum()) :]
     std = gain * np.sqrt(np.diag(covariance)[:joints])
-    return WeighedGains(gain=gain, std=std, payload=payload)
+    return WeighedGains(gain=gain, std=std, payload=_payload(system, values))
 
 
-def _shown(problem: SharedProblem, factors: Array) -> tuple[Array, ...]:
-    """Combinations of the arm's parameters that each joint shows in factors (R, n, h, w)."""
+def _system(problem: SharedProblem, factors: Array, turn: Array, known: Array) -> WeighedSystem:
+    """Of factors (R, n, h, w) with the columns of `SharedProblem`."""
     own, common = len(problem.own), len(problem.common)
-    arm = factors[..., own : own + common]
-    size = np.sqrt(np.square(arm).sum(axis=(0, 1, 2)))
-    found: list[Array] = []
-    for j in range(problem.joints):
-        _, values, turn = np.linalg.svd(arm[:, j].reshape(-1, common) / size, full_matrices=False)
-        found.append((turn[values > RANK * values[0]] / size).T)
-    return tuple(found)
+    by_joint = np.moveaxis(factors, 1, 0).reshape(problem.joints, -1, factors.shape[-1])
+    carried = np.zeros((PAYLOAD, PAYLOAD))
+    unknown = np.isnan(known)
+    payload = by_joint[..., own + common : own + common + PAYLOAD] @ turn
+    part = _shown(payload.reshape(-1, PAYLOAD)[:, unknown])
+    carried[unknown, : part.shape[1]] = part
+    return WeighedSystem(
+        problem=problem,
+        turn=turn,
+        known=known,
+        shown=tuple(_shown(rows[:, own : own + common]) for rows in by_joint),
+        carried=carried[:, : part.shape[1]],
+    )
+
+
+def _shown(rows: Array) -> Array:
+    """(k, s) combinations of k parameters that change what rows (r, k) of them give."""
+    size = np.linalg.norm(rows, axis=0)
+    size[size == 0] = 1.0
+    _, values, turn = np.linalg.svd(rows / size, full_matrices=False)
+    return (turn[values > RANK * values.max(initial=0.0)] / size).T
+
+
+def _payload(system: WeighedSystem, values: Array) -> Array:
+    """(10) the payload about the flange from what was found."""
+    carried = system.carried
+    # Those that lie in what is shown, rather than beside it.
+    told = np.diag(carried @ np.linalg.pinv(carried)) > 1.0 - np.sqrt(RANK)
+    found = np.where(told, carried @ values[len(values) - carried.shape[1] :], np.nan)
+    return np.where(np.isnan(system.known), found, system.known)
 
 
 def _check_scale(gain: Array, first: Array) -> None:
