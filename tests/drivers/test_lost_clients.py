@@ -3,6 +3,7 @@ robot, and what was recorded can be read."""
 
 from __future__ import annotations
 
+import json
 import os
 import selectors
 import signal
@@ -10,8 +11,9 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +22,7 @@ from controllers import Observer
 from gentle_motion import write_gentle
 
 from dynid.drivers.ur.driver import WATCHDOG_HZ
+from dynid.drivers.ur.link import SILENCE_S
 from dynid.recording import read_record
 from urtwin import RunningController, controller_process, own_address
 
@@ -32,7 +35,7 @@ STILL = 0.01
 """[rad/s]"""
 AT = 100
 """Index at which things happen."""
-PORTS = (29999, 30002, 30004)
+PORTS = (29999, 30002, 30003, 30004)
 
 
 @pytest.fixture(scope="module")
@@ -42,11 +45,12 @@ def controller() -> Iterator[RunningController]:
 
 
 @contextmanager
-def client(host: str, folder: Path) -> Iterator[subprocess.Popen[str]]:
+def client(host: str, folder: Path, *more: str) -> Iterator[subprocess.Popen[str]]:
     design = write_gentle(folder / "design.json")
     words = ["run", design, "--on", f"ur://{host}", "-o", folder / "run.parquet", "--yes"]
     process = subprocess.Popen(
-        [sys.executable, "-m", "dynid", *map(str, words), "--repeat", "20"],
+        [sys.executable, "-m", "dynid", *map(str, words), "--repeat", "20", *more],
+        stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
@@ -151,7 +155,9 @@ class Cable:
             pass
         for one in (source, self._pairs[source]):
             if one.fileno() >= 0:
-                self._selector.unregister(one)
+                # Not there any more if it spoke in the silence.
+                with suppress(KeyError):
+                    self._selector.unregister(one)
                 one.close()
 
     def close(self) -> None:
@@ -183,6 +189,35 @@ def test_the_network_is_cut(
     assert words in said
     check_record(tmp_path, AT - 20)
     assert "aborted" in read_record(tmp_path / "run.parquet").metadata.extra
+
+
+def test_the_network_comes_back_under_a_stream(
+    controller: RunningController, tmp_path: Path
+) -> None:
+    """ur_rtde reconnects by itself: its process crashed, its program was started again."""
+    pytest.importorskip("rtde_control")
+    host = own_address()
+    cable = Cable(host, controller.host)
+    try:
+        with (
+            Observer(controller.host) as observer,
+            client(host, tmp_path, "--method", "servoj", "--json") as process,
+        ):
+            speeds = observer.layout.places["actual_qd"]
+            observer.wait_for(lambda package: max(map(abs, package[speeds])) > 10 * STILL)
+            cable.silent.set()
+            time.sleep(SILENCE_S + 0.3)
+            cable.silent.clear()
+            printed, said = process.communicate(timeout=30)
+            end = float(observer.column("timestamp")[-1]) + 1.0
+            observer.wait_for(lambda package: observer.number(package, "timestamp") > end)
+            t, state = observer.columns("timestamp", "runtime_state")
+    finally:
+        cable.close()
+    assert process.returncode == 1
+    assert json.loads(printed)["cause"]["code"] == "connection"
+    assert "sends nothing any more" in said
+    assert (state[t > float(t[-1]) - 1.0] == 1).all()
 
 
 def test_ctrl_c_in_the_terminal(controller: RunningController, tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from dynid.drivers.driver import (
     Source,
     Watchdog,
 )
+from dynid.drivers.ur.control import Control
 from dynid.drivers.ur.link import STOP_PROGRAM, Dashboard, RtdeLink, ScriptPort
 from dynid.drivers.ur.pump import Conversation, Intake, Pump, Refused
 from dynid.drivers.ur.state import (
@@ -214,7 +215,7 @@ class ServojDriver(RtdeDriver):
 
     def __init__(self, state: ControllerState) -> None:
         super().__init__(state)
-        self._rtde: Any = require("rtde_control", "ur")
+        require("rtde_control", "ur")
 
     def move(self, execution: Execution, cancel: threading.Event, record: Record) -> Outcome:
         """See `RtdeDriver.move`."""
@@ -225,16 +226,19 @@ class ServojDriver(RtdeDriver):
         try:
             outcome = record(lambda layout, feed, _: Stream(control, layout, feed, execution, way))
             if outcome.abort is None:
-                control.servoStop()
-                control.stopScript()
+                # If that fails, its watchdog ends the program: nobody kicks it any more.
+                with suppress(RuntimeError):
+                    control.servoStop()
+                    control.stopScript()
             return outcome
         finally:
+            # First: who waits for an answer of it would wait until the network is back.
+            control.close()
             way.leave()
-            control.disconnect()
 
-    def _control(self, host: str) -> Any:
+    def _control(self, host: str) -> Control:
         try:
-            return self._rtde.RTDEControlInterface(host)
+            return Control(host)
         except RuntimeError as error:
             raise JobError("ur_rtde cannot control the robot", where=host, value=error) from error
 
