@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import socket
 import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,10 +19,10 @@ from gentle_motion import CYCLES, MIDDLE, RATE, ListRecorder, gentle, gentle_exe
 from dynid.core import InputError, JobError
 from dynid.drivers import Outcome, ServojDriver, UrDriver, inspect
 from dynid.drivers.ur.driver import APPROACH, SLACK, Stream, Way
-from dynid.drivers.ur.link import RtdeLink
+from dynid.drivers.ur.link import CONNECT_S, RtdeLink
 from dynid.drivers.ur.pump import Refused
 from dynid.drivers.ur.state import recorded
-from dynid.protocol import Recipe
+from dynid.protocol import Kind, Recipe, rtde
 from urtwin import RunningController, controller_process, own_address
 
 SAME = 1e-12
@@ -315,3 +316,23 @@ def test_another_client_on_our_register_is_named(controller: RunningController) 
 def test_another_rate_is_refused(controller: RunningController) -> None:
     with pytest.raises(InputError, match="another rate"):
         UrDriver(inspect(controller.host)).execute(replace(gentle_execution(), rate_hz=500.0), None)
+
+
+def test_what_talks_and_never_answers_is_given_up() -> None:
+    """Each text it sent began the wait for an answer anew."""
+    host, over = own_address(), threading.Event()
+    with socket.create_server((host, rtde.PORT)) as server:
+
+        def talk() -> None:
+            client, _ = server.accept()
+            with closing(client), suppress(OSError):
+                while not over.wait(0.1):
+                    client.sendall(rtde.frame(Kind.TEXT_MESSAGE, b"\x01a\x00\x00"))
+
+        thread = threading.Thread(target=talk)
+        thread.start()
+        threading.Timer(2 * CONNECT_S, over.set).start()
+        with pytest.raises(JobError, match="no answer"):
+            inspect(host)
+        over.set()
+        thread.join()

@@ -1,5 +1,6 @@
 """A connection to a UR controller: RTDE, programs and questions."""
 
+import math
 import socket
 import threading
 import time
@@ -120,14 +121,16 @@ class RtdeLink:
         """Send a request and wait for its answer; what else arrives stays for later."""
         self.write(request)
         kept: list[Packet] = []
+        until = time.monotonic() + CONNECT_S
         while True:
-            for k, packet in enumerate(packets := self._receive()):
+            for k, packet in enumerate(packets := self._receive(until)):
                 if packet.kind is kind:
                     self._waiting += [*kept, *packets[k + 1 :]]
                     return packet.payload
                 kept.append(packet)
 
-    def _receive(self) -> list[Packet]:
+    def _receive(self, until: float = math.inf) -> list[Packet]:
+        """Wait for packets, as long as the socket does; for an answer until that time [s]."""
         while True:
             with _connected(_BROKE, self.host):
                 try:
@@ -140,6 +143,13 @@ class RtdeLink:
                     ) from error
             if not data:
                 raise Disconnected("the controller has closed the connection", where=self.host)
+            if time.monotonic() > until:
+                raise Disconnected(
+                    "what is there sends something, but no answer",
+                    where=self.host,
+                    limit=f"{CONNECT_S} s",
+                    next_step="Check its address: is it a UR controller?",
+                )
             if packets := self._framer.feed(data):
                 return packets
 
