@@ -7,7 +7,6 @@ It also writes to stdout. This file is run by its path: it must import nothing o
 
 import json
 import os
-import queue
 import select
 import signal
 import subprocess
@@ -79,15 +78,14 @@ class Control:
 
 
 def _serve(host: str, asked: IO[bytes], answers: IO[bytes]) -> None:
-    lines: queue.Queue[bytes] = queue.Queue()
-
-    def read() -> None:
-        for line in asked:
-            lines.put(line)
+    def watch() -> None:
         # Whoever asked is gone, perhaps in the middle of a call that takes minutes.
+        hung_up = select.poll()
+        hung_up.register(asked, 0)
+        hung_up.poll()
         os._exit(0)
 
-    threading.Thread(target=read, daemon=True).start()
+    threading.Thread(target=watch, daemon=True).start()
     control: Any = None
 
     def answer(call: Callable[[], Any]) -> None:
@@ -108,8 +106,8 @@ def _serve(host: str, asked: IO[bytes], answers: IO[bytes]) -> None:
 
     answer(connect)
     urgent = False
-    while True:
-        name, *words = json.loads(lines.get())
+    for line in iter(asked.readline, b""):
+        name, *words = json.loads(line)
         if not urgent and name == "servoJ":
             # The stream waits for it. Not before: in other calls ur_rtde waits without sleep, and
             # its own reader of packages would not get the processor.
