@@ -293,3 +293,13 @@ def test_meshes_that_are_not_there_are_one_note(tmp_path: Path) -> None:
     path, robot = arm(tmp_path, *(f'<mesh filename="{name}.stl"/>' for name in "abc"))
     (note,) = with_collision_geometry(robot, path).body_notes
     assert note.startswith("meshes of one are not judged: the mesh a.stl was not found")
+
+
+@pytest.mark.parametrize("corner", [[1.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+def test_points_in_a_plane_have_a_surface(corner: list[float]) -> None:
+    """Also without a radius: a robot file may hold a plate that is given by its corners."""
+    points = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], corner])
+    vertices, faces = Body(name="plate", link=0, points=points, radius=0.0).surface()
+    assert len(faces) > 3
+    assert np.abs(vertices[:, 2]).max() < 1e-4
+    assert np.allclose(np.ptp(vertices, axis=0)[:2], 1.0, atol=1e-4)

@@ -94,7 +94,7 @@ class Body:
         ball = np.concatenate([rings, [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
         points = (self.points[:, None] + self.radius * ball).reshape(-1, 3)
         hull = _hull(points)
-        faces = hull.simplices
+        points, faces = hull.points, hull.simplices
         first, second, third = points[faces].transpose(1, 0, 2)
         inward = np.einsum("fx,fx->f", np.cross(second - first, third - first),
                            hull.equations[:, :3]) < 0  # fmt: skip
