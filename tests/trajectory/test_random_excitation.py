@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynid.core import Array, InputError, MotionBounds
-from dynid.trajectory import FourierSeries, largest_scale, peaks, random_excitation, usable_bounds
+from dynid.trajectory import FourierSeries, peaks, random_excitation, usable_bounds
 
 NAN = np.nan
 UR5 = MotionBounds(
@@ -103,10 +103,3 @@ def test_refuses_what_cannot_be() -> None:
         MotionBounds(lower=[1.0], upper=[0.0], velocity=[1.0], acceleration=[1.0])
     with pytest.raises(InputError, match="positive"):
         MotionBounds(lower=[0.0], upper=[1.0], velocity=[-1.0], acceleration=[1.0])
-    with pytest.raises(InputError, match="joints of the series"):
-        largest_scale(
-            random_excitation(UR5, seed=0),
-            usable_bounds(
-                MotionBounds(lower=[0.0], upper=[1.0], velocity=[1.0], acceleration=[1.0])
-            ),
-        )

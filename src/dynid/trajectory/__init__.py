@@ -15,7 +15,6 @@ from dynid.trajectory.fourier import FourierFamily as FourierFamily
 from dynid.trajectory.fourier import FourierSeries as FourierSeries
 from dynid.trajectory.fourier import ModifiedFourierFamily as ModifiedFourierFamily
 from dynid.trajectory.fourier import harmonic_basis as harmonic_basis
-from dynid.trajectory.fourier import largest_scale as largest_scale
 from dynid.trajectory.fourier import peaks as peaks
 from dynid.trajectory.fourier import random_excitation as random_excitation
 from dynid.trajectory.fourier import rest_basis as rest_basis

@@ -293,31 +293,6 @@ def peaks(series: FourierSeries) -> Extremes:
     )
 
 
-def largest_scale(series: FourierSeries, bounds: MotionBounds, *, margin: float = 1.0) -> Array:
-    """(n) the factors on a and b that take each joint onto its tightest bound.
-
-    Args:
-        series: The motion; its offset stays where it is.
-        bounds: Bounds without NaN.
-        margin: The share of each bound that may be used, in (0, 1]; the position range shrinks
-            about its middle.
-
-    Raises:
-        InputError: A margin outside (0, 1], another number of joints, or an offset outside the
-            position bounds.
-    """
-    lower, upper = inner_range(bounds, margin)
-    if series.joints != bounds.joints:
-        raise InputError("joints of the series", value=series.joints, limit=bounds.joints)
-    require_inside("mean position", series.offset, lower, upper)
-    peak = peaks(series)
-    position = np.minimum(
-        _ratio(upper - series.offset, peak.upper - series.offset),
-        _ratio(series.offset - lower, series.offset - peak.lower),
-    )
-    return np.minimum(position, _derivative_scale(peak, bounds, margin))
-
-
 def require_inside(what: str, pose: Array, lower: Array, upper: Array) -> None:
     """Refuse a pose (n) outside of position limits (n).
 
@@ -332,14 +307,6 @@ def require_inside(what: str, pose: Array, lower: Array, upper: Array) -> None:
             value=float(pose[joint]),
             limit=(float(lower[joint]), float(upper[joint])),
         )
-
-
-def _derivative_scale(peak: Extremes, bounds: MotionBounds, margin: float) -> Array:
-    """(n) the largest factors that velocity and acceleration allow."""
-    return np.minimum(
-        _ratio(margin * bounds.velocity, peak.velocity),
-        _ratio(margin * bounds.acceleration, peak.acceleration),
-    )
 
 
 def inner_range(bounds: MotionBounds, margin: float) -> tuple[Array, Array]:
@@ -406,18 +373,23 @@ def random_excitation(
     given = np.zeros(bounds.joints) if offset is None else offset
     middle = frozen(given, shape=(bounds.joints,), name="offset")
     series = rest_series(period_s, middle, free)
+    lower, upper = inner_range(bounds, margin)
+    peak = peaks(series)
+    scale = np.minimum(
+        _ratio(margin * bounds.velocity, peak.velocity),
+        _ratio(margin * bounds.acceleration, peak.acceleration),
+    )
     if offset is None:
         # Scaled to its limits, and shifted to a random place where it fits.
-        lower, upper = inner_range(bounds, margin)
-        peak = peaks(series)
-        scale = np.minimum(
-            (upper - lower) / (peak.upper - peak.lower), _derivative_scale(peak, bounds, margin)
-        )
+        scale = np.minimum(scale, (upper - lower) / (peak.upper - peak.lower))
         first, last = lower - scale * peak.lower, upper - scale * peak.upper
         place = generator.uniform(size=bounds.joints)
         middle = first + place * np.maximum(last - first, 0.0)
     else:
-        scale = largest_scale(series, bounds, margin=margin)
+        require_inside("mean position", middle, lower, upper)
+        below = _ratio(middle - lower, middle - peak.lower)
+        above = _ratio(upper - middle, peak.upper - middle)
+        scale = np.minimum(scale, np.minimum(below, above))
     if not np.isfinite(scale).all():
         raise InputError(
             "no limit bounds the motion",
