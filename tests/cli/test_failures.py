@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -17,6 +18,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dynid.core import JobError, MissingExtraError
+from dynid.drivers import Outcome
 
 HEAVY = ("numpy", "scipy", "pyarrow", "numba", "pinocchio", "mujoco", "rich")
 
@@ -54,6 +56,25 @@ def test_the_traceback_is_there_on_request(run: Run, monkeypatch: pytest.MonkeyP
     assert "DYNID_TRACEBACK=1" in run("robots").err
     monkeypatch.setenv("DYNID_TRACEBACK", "1")
     assert "Traceback" in run("robots").err
+
+
+@pytest.mark.parametrize(("periods", "told"), [(0, True), (3, False)])
+def test_periods_that_are_not_whole_are_told(
+    run: Run, monkeypatch: pytest.MonkeyPatch, periods: int, told: bool
+) -> None:
+    """A stream of set points repeats and skips some where the network is slow."""
+    made = SimpleNamespace(
+        abort=None,
+        left=None,
+        record="r.parquet",
+        design=SimpleNamespace(describe_digest=lambda: None),
+        result=SimpleNamespace(outcome=Outcome(samples=9, periods=periods, gaps=0)),
+        raise_if_aborted=lambda: None,
+    )
+    monkeypatch.setattr("dynid.workflow.run_design", lambda *_a, **_k: made)
+    outcome = run("run", "d.json", "-o", "r.parquet")
+    assert outcome.code == 0
+    assert ("--method program" in outcome.err) is told
 
 
 @pytest.mark.usefixtures("undiagnosed_once")

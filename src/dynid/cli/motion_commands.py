@@ -261,6 +261,9 @@ def run_command(
     if result.left is not None:
         said = f"rows of an earlier, interrupted run. {read_partial(result.left)}"
         print(f"dynid: {result.left}: {said}", file=sys.stderr)
+    if result.abort is None and result.result.outcome.periods < settings.repeat:
+        said = "set points were repeated or skipped; --method program executes each once"
+        print(f"dynid: {result.record}: {said}", file=sys.stderr)
     if json:
         show.print_json(result.to_json())
     elif result.abort is None:
