@@ -21,7 +21,7 @@ ANSWER_S = 20.0
 _PRIORITY = 10
 
 
-class Control:
+class UrRtde:
     """Has the methods of `rtde_control.RTDEControlInterface`, as far as JSON takes their words.
 
     Raises:

@@ -19,7 +19,7 @@ from dynid.drivers.driver import (
     Source,
     Watchdog,
 )
-from dynid.drivers.ur.control import Control
+from dynid.drivers.ur.control import UrRtde
 from dynid.drivers.ur.link import STOP_PROGRAM, Dashboard, RtdeLink, ScriptPort
 from dynid.drivers.ur.pump import Conversation, Intake, Pump, Refused
 from dynid.drivers.ur.state import (
@@ -236,9 +236,9 @@ class ServojDriver(RtdeDriver):
             control.close()
             way.leave()
 
-    def _control(self, host: str) -> Control:
+    def _control(self, host: str) -> UrRtde:
         try:
-            return Control(host)
+            return UrRtde(host)
         except RuntimeError as error:
             raise JobError("ur_rtde cannot control the robot", where=host, value=error) from error
 
