@@ -11,7 +11,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -206,7 +205,8 @@ def test_the_network_comes_back_under_a_stream(
             speeds = observer.layout.places["actual_qd"]
             observer.wait_for(lambda package: max(map(abs, package[speeds])) > 10 * STILL)
             cable.silent.set()
-            time.sleep(SILENCE_S + 0.3)
+            over = float(observer.column("timestamp")[-1]) + SILENCE_S + 0.3
+            observer.wait_for(lambda package: observer.number(package, "timestamp") > over)
             cable.silent.clear()
             printed, said = process.communicate(timeout=30)
             end = float(observer.column("timestamp")[-1]) + 1.0

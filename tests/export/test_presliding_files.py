@@ -50,7 +50,8 @@ def estimate_called(name: str) -> Estimate:
     terms: FrictionTerms
     match name:
         case "fs":
-            robot, terms = load_robot("ur5"), WIDE_TERMS
+            robot, speeds = load_robot("ur5"), (0.8, 1.0, 1.2, 0.9, 1.1, 0.7)
+            terms = replace(WIDE_TERMS, stribeck_velocity=speeds)
         case "sliding, load":
             robot = mixed_chain()
             terms = with_load(WIDE_TERMS, robot.joints)

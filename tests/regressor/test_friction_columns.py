@@ -71,12 +71,12 @@ def test_terms_come_in_one_order_and_only_where_they_are_asked_for() -> None:
     assert np.count_nonzero(columns[1:]) == 18 * 6
 
 
-def test_each_joint_has_its_own_width() -> None:
-    widths = (0.5, 0.0, 0.01)
-    _, columns, dq, _ = _added(parse_terms("fc,fs,fca", width=widths, stribeck_velocity=STRIBECK))
+def test_each_joint_has_its_own_width_and_stribeck_velocity() -> None:
+    widths, speeds = (0.5, 0.0, 0.01), (STRIBECK, 0.03, 1.0)
+    _, columns, dq, _ = _added(parse_terms("fc,fs,fca", width=widths, stribeck_velocity=speeds))
     for j, width in enumerate(widths):
         step = np.tanh(dq[:, j] / width) if width else np.sign(dq[:, j])
-        fade = np.exp(-((dq[:, j] / STRIBECK) ** 2))
+        fade = np.exp(-((dq[:, j] / speeds[j]) ** 2))
         # Asymmetry stands before Stribeck in the order of terms.
         for block, entry in enumerate((step, np.abs(step), fade * step)):
             ours = columns[:, j, 3 * block + j]

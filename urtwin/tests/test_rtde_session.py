@@ -246,6 +246,16 @@ def test_set_points_are_not_late_behind_signs_of_life(machine):
         session.queue.apply_next(guided=True)
         seen.append(machine.output("input_double_register_0"))
     assert seen == [1.0, 2.0, 1.0, 1.0]
+    # What another client says belongs to one set point each, equal or not.
+    other = RtdeSession(machine, Owners(), orderly=True)
+    number, _ = inputs(other, ["input_int_register_24"])
+    index = Recipe.of(["input_int_register_24"], ["INT32"], number)
+    other.receive(2 * index.packet([3]) + index.packet([4]))
+    seen = []
+    for _ in range(3):
+        other.queue.apply_next(guided=True)
+        seen.append(machine.output("input_int_register_24"))
+    assert seen == [3, 3, 4]
 
 
 def test_of_a_client_that_writes_too_much_the_newest_act(machine):
