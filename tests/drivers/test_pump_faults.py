@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from dynid.drivers import Execution, Watchdog, WatchLimits
+from dynid.drivers import Cycle, Execution, Watchdog, WatchLimits
 from dynid.drivers.ur.pump import Intake, Pump
 from dynid.drivers.ur.state import Layout, recorded
 from dynid.trajectory import rest_series
 
-FREE = np.full(6, np.inf)
+FREE, ZERO = np.full(6, np.inf), np.zeros(6)
 LIMITS = WatchLimits(lower=-FREE, upper=FREE, velocity=FREE, deviation=FREE)
 EXECUTION = Execution(
     trajectory=rest_series(2.0, np.zeros(6), np.zeros((6, 4))), periods=1, limits=LIMITS
@@ -24,9 +26,9 @@ class Link:
     """Packages without end."""
 
     rate_hz = 125.0
-    messages = ("the arm hums",)
 
     def __init__(self, layout: Layout) -> None:
+        self.messages = ["the arm hums"]
         self.package = [0.0] * max(place.stop for place in layout.places.values())
 
     def packages(self) -> list[list[float]]:
@@ -47,6 +49,39 @@ class Broken:
 
     def over(self, cycle: Any, numbers: Any) -> bool:
         return False
+
+
+class Begun(Broken):
+    """A program that runs, and needs no answer."""
+
+    def answer(self, numbers: Any) -> None: ...
+
+    def begun(self, cycle: Any, numbers: Any) -> bool:
+        return True
+
+
+def test_a_program_that_starved_is_told_with_the_pause_of_the_network(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    layout, times = recorded((3, 15, 8)), iter([0.0, 0.01, 0.31, 0.32])
+    monkeypatch.setattr(
+        "dynid.drivers.ur.pump.time", SimpleNamespace(monotonic=lambda: next(times))
+    )
+    link: Any = Link(layout)
+    playing = Cycle(timestamp=0.0, index=-1, q=ZERO, qd=ZERO, target_q=ZERO)
+    cycles = iter([playing, playing, replace(playing, runtime_state=1)])
+    monkeypatch.setattr(type(layout), "cycle", lambda *_: next(cycles))
+    pump = Pump(
+        link,
+        layout,
+        Watchdog(LIMITS, 125.0, EXECUTION.total),
+        Begun(),
+        halt=lambda: None,
+        cancel=threading.Event(),
+    )
+    pump.run()
+    assert pump.abort is not None
+    assert "(no package came for 0.3 s; the arm hums)" in pump.abort.message
 
 
 def test_a_bug_stops_the_robot_and_is_raised_where_it_is_seen() -> None:

@@ -163,6 +163,8 @@ def test_the_disk_is_full(
     monkeypatch.undo()
     assert fault.code == 1
     assert "No space left on device" in fault.err
+    # The recording is there: no command is needed to read it.
+    assert "dynid import" not in fault.err
     assert fault.stopped_after(observer) <= STOP_S
     record = read_record(fault.record)
     assert record.samples > 50

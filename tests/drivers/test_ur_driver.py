@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import socket
+import struct
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
-from contextlib import closing, suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,10 +19,10 @@ from gentle_motion import CYCLES, MIDDLE, RATE, ListRecorder, gentle, gentle_exe
 from dynid.core import InputError, JobError
 from dynid.drivers import Outcome, ServojDriver, UrDriver, inspect
 from dynid.drivers.ur.driver import APPROACH, SLACK, Stream, Way
-from dynid.drivers.ur.link import CONNECT_S, RtdeLink
+from dynid.drivers.ur.link import CONNECT_S, SILENCE_S, Dashboard, RtdeLink
 from dynid.drivers.ur.pump import Refused
 from dynid.drivers.ur.state import recorded
-from dynid.protocol import Kind, Recipe, rtde
+from dynid.protocol import OUTPUTS, Framer, Kind, Recipe, rtde
 from urtwin import RunningController, controller_process, own_address
 
 SAME = 1e-12
@@ -268,6 +268,28 @@ def test_an_arm_that_another_program_holds_is_streamed_to_no_more() -> None:
         _stream(control, CYCLES)
 
 
+def test_no_program_of_ur_rtde_is_left_where_the_recording_cannot_begin(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It played on without a watchdog, and the next run was refused because of it."""
+    called = list[str]()
+
+    class Begun:
+        def __init__(self, host: str) -> None: ...
+
+        def __getattr__(self, name: str) -> Callable[[], None]:
+            return lambda: called.append(name)
+
+    monkeypatch.setattr("dynid.drivers.ur.driver.UrRtde", Begun)
+    monkeypatch.setattr("dynid.drivers.ur.driver.require", lambda *_: None)
+    connected(monkeypatch, Line(ANSWERS))
+    driver = ServojDriver(inspect("127.9.9.9"))
+    connected(monkeypatch, Line({}))
+    with pytest.raises(JobError, match="closed the connection"):
+        driver.execute(gentle_execution(), None)
+    assert called == ["stopScript", "close"]
+
+
 APPROACHES = """
 import sys
 from dataclasses import replace
@@ -318,21 +340,97 @@ def test_another_rate_is_refused(controller: RunningController) -> None:
         UrDriver(inspect(controller.host)).execute(replace(gentle_execution(), rate_hz=500.0), None)
 
 
-def test_what_talks_and_never_answers_is_given_up() -> None:
-    """Each text it sent began the wait for an answer anew."""
-    host, over = own_address(), threading.Event()
-    with socket.create_server((host, rtde.PORT)) as server:
+ANSWERS = {
+    Kind.REQUEST_PROTOCOL_VERSION: b"\x01",
+    Kind.GET_URCONTROL_VERSION: struct.pack(">4I", 3, 15, 8, 0),
+    Kind.START: b"\x01",
+}
 
-        def talk() -> None:
-            client, _ = server.accept()
-            with closing(client), suppress(OSError):
-                while not over.wait(0.1):
-                    client.sendall(rtde.frame(Kind.TEXT_MESSAGE, b"\x01a\x00\x00"))
 
-        thread = threading.Thread(target=talk)
-        thread.start()
-        threading.Timer(2 * CONNECT_S, over.set).start()
-        with pytest.raises(JobError, match="no answer"):
-            inspect(host)
-        over.set()
-        thread.join()
+class Line:
+    """Both a clock and a socket to somebody who answers, and talks when nothing was asked."""
+
+    def __init__(self, answers: Mapping[Kind, bytes], talk: bytes = b"") -> None:
+        self.now, self._answers, self._talk = 0.0, answers, talk
+        self._waiting, self.times = b"", [0.0] * 4
+        """Of the first answers; the others take 0.1 s."""
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def sendall(self, request: bytes) -> None:
+        for kind, payload in Framer().feed(request):
+            if kind is Kind.SETUP_OUTPUTS:
+                names = payload[8:].decode().split(",")
+                types = ",".join(OUTPUTS[name].type.name for name in names)
+                self._waiting += rtde.frame(kind, b"\x01" + types.encode())
+                size = Recipe.of(names, types.split(",")).size
+                package = rtde.frame(Kind.DATA_PACKAGE, b"\x01" + bytes(size - 1))
+                self._talk = self._talk or package
+            elif kind in self._answers:
+                self._waiting += rtde.frame(kind, self._answers[kind])
+
+    def recv(self, _: int) -> bytes:
+        self.now += self.times.pop(0) if self.times else 0.1
+        said, self._waiting = self._waiting or self._talk, b""
+        return said
+
+    def settimeout(self, _: float) -> None: ...
+
+    def gettimeout(self) -> float:
+        return SILENCE_S
+
+    def close(self) -> None: ...
+
+
+def connected(monkeypatch: pytest.MonkeyPatch, line: Line) -> None:
+    monkeypatch.setattr("dynid.drivers.ur.link.connect", lambda *_: line)
+    monkeypatch.setattr("dynid.drivers.ur.link.time", line)
+
+
+TEXT = rtde.frame(Kind.TEXT_MESSAGE, b"\x01a\x00\x00")
+
+
+@pytest.mark.parametrize(
+    ("answers", "talk", "words"),
+    [
+        ({}, TEXT, "no answer"),
+        (ANSWERS, TEXT, "no package"),
+        ({}, b"HTTP/1.1 400 Bad Request\r\n\r\n", "no RTDE packet"),
+    ],
+)
+def test_what_talks_and_is_no_controller_is_given_up(
+    monkeypatch: pytest.MonkeyPatch, answers: Mapping[Kind, bytes], talk: bytes, words: str
+) -> None:
+    """Each text began the wait for an answer anew, and that for a package had no end."""
+    line = Line(answers, talk)
+    connected(monkeypatch, line)
+    with pytest.raises(JobError, match=f"127.9.9.9: .*{words}.* is it a UR controller"):
+        inspect("127.9.9.9")
+    assert line.now < 3 * CONNECT_S
+
+
+@pytest.mark.parametrize("talk", [b"x", b"x" * 5000])
+def test_a_dashboard_whose_line_never_ends_is_given_up(
+    monkeypatch: pytest.MonkeyPatch, talk: bytes
+) -> None:
+    line = Line({}, talk)
+    connected(monkeypatch, line)
+    with pytest.raises(JobError, match=r"127\.9\.9\.9: .* without an end"):
+        Dashboard("127.9.9.9")
+    assert line.now < 2 * CONNECT_S
+
+
+def test_the_slowest_answer_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One of them alone passed a network that loses packets."""
+    line = Line(ANSWERS)
+    line.times.append(0.3)
+    connected(monkeypatch, line)
+    state = inspect("127.9.9.9")
+    assert state.round_trip_s == pytest.approx(0.3)
+    assert (state.model, state.freedrive) == ("", False)
+
+
+def test_a_name_that_no_host_can_have_is_told() -> None:
+    with pytest.raises(JobError, match=r"a\.\.b: no connection to the controller.*empty"):
+        inspect("a..b")

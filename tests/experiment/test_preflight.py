@@ -68,7 +68,8 @@ def test_a_robot_that_is_ready_passes() -> None:
         ({"target_qd": np.full(6, 0.1)}, "at rest"),
         ({"payload": 1.2}, "payload"),
         ({"tcp_offset": np.array([0.0, 0.0, 0.15])}, "tool"),
-        ({"round_trip_s": 2.0}, "network"),
+        ({"round_trip_s": 0.15}, "network"),
+        ({"freedrive": True}, "freedrive"),
     ],
 )
 def test_each_thing_alone_keeps_it_from_moving(changes: dict[str, object], name: str) -> None:

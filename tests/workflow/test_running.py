@@ -305,6 +305,22 @@ def test_a_disk_without_room_is_seen_before_anything_moves(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_an_ipv6_address_may_stand_in_brackets(
+    design: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hosts = list[str]()
+
+    def nobody(host: str) -> None:
+        hosts.append(host)
+        raise JobError("nobody is there")
+
+    monkeypatch.setattr("dynid.drivers.inspect", nobody)
+    for on in ("ur://[::1]", "ur://::1"):
+        with pytest.raises(JobError, match="nobody"):
+            run_design(design, tmp_path / "run.parquet", on=on)
+    assert hosts == ["::1", "::1"]
+
+
 def test_bad_settings_are_refused(design: Path, tmp_path: Path) -> None:
     path = tmp_path / "run.parquet"
     for settings in (

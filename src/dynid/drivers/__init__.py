@@ -1,6 +1,7 @@
 """Whatever moves a robot along a motion and records it: simulated, replayed, real."""
 
 from dynid.drivers.driver import INTERRUPTED as INTERRUPTED
+from dynid.drivers.driver import WATCHDOG_HZ as WATCHDOG_HZ
 from dynid.drivers.driver import Abort as Abort
 from dynid.drivers.driver import Cycle as Cycle
 from dynid.drivers.driver import Driver as Driver

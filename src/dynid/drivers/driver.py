@@ -15,6 +15,8 @@ from dynid.core import Array, Finding, InputError, Progress, freeze
 from dynid.protocol import RobotMode, RuntimeState, SafetyMode
 from dynid.trajectory import Trajectory
 
+WATCHDOG_HZ = 10.0
+"""How often a program on a controller must be fed; without it that stops it after 0.1 s."""
 _SCALING = 1e-3
 """By how much a speed may be off its full value, as a share."""
 _CLOCK = 0.25
@@ -83,6 +85,8 @@ class Cycle:
     """Share of the speed that the controller allows now."""
     speed_fraction: float = 1.0
     """The speed slider."""
+    freedrive: bool = False
+    """Whether somebody presses the teach button, to move the arm by hand."""
 
 
 _OFF_WAY = 0.02
@@ -228,9 +232,14 @@ def _state(cycle: Cycle, *, playing: bool) -> Abort | None:
         return Abort("safety", f"safety mode became {mode_name(SafetyMode, cycle.safety_mode)}")
     if cycle.robot_mode != RobotMode.RUNNING:
         return Abort("mode", f"robot mode became {mode_name(RobotMode, cycle.robot_mode)}")
+    if cycle.freedrive:
+        return Abort("mode", "somebody presses the teach button (freedrive)")
     if playing and cycle.runtime_state != RuntimeState.PLAYING:
         paused = cycle.runtime_state in (RuntimeState.PAUSING, RuntimeState.PAUSED)
-        unfed = "its watchdog was not fed in time, or someone stopped it"
+        unfed = (
+            f"its watchdog was not fed in time ({1 / WATCHDOG_HZ:g} s): the network is slow or "
+            "loses packets, or this computer is busy; or someone stopped it"
+        )
         why = "someone paused it" if paused else unfed
         state = mode_name(RuntimeState, cycle.runtime_state)
         return Abort("program", f"the program on the controller is {state}: {why}")

@@ -12,7 +12,7 @@ import numpy as np
 
 from dynid.constraints import DISTANCES, Certificate, MotionConstraints, certify
 from dynid.core import Array, InputError, JobError, Progress
-from dynid.drivers import ControllerState, mode_name
+from dynid.drivers import WATCHDOG_HZ, ControllerState, mode_name
 from dynid.experiment.plan import ExperimentPlan
 from dynid.protocol import RobotMode, RuntimeState, SafetyMode
 from dynid.robot import Tool
@@ -276,11 +276,13 @@ _STEPS = {
     "program": "Stop the program at the pendant.",
     "speed slider": "Set the speed slider to 100 %.",
     "at rest": "Wait until nobody moves it.",
-    "network": "Connect this computer to the robot by cable.",
+    "freedrive": "Let go of the teach button, and of the arm.",
+    "network": "The network is too slow for the watchdog of the program, which would stop it: "
+    "connect this computer to the robot by cable.",
 }
 """What to do about each thing that is not as it must be, where its finding does not say it."""
-_ANSWER_S = 0.5
-"""A controller that answers later would hear of a stop too late [s]."""
+_ANSWER_S = 1 / WATCHDOG_HZ
+"""What one lost packet costs, a round trip at least, must not starve the watchdog [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -342,7 +344,10 @@ def check_robot(
         PreflightCheck("speed slider", abs(slider - 1.0) <= _SLIDER, f"{100 * slider:.4g} %"),
         PreflightCheck("at rest", speed <= _STILL, f"{speed:.3g} rad/s"),
         PreflightCheck(
-            "network", late <= _ANSWER_S, f"an answer took {late:.3f} s of at most {_ANSWER_S} s"
+            "freedrive", not state.freedrive, "teach button pressed" if state.freedrive else "off"
+        ),
+        PreflightCheck(
+            "network", late <= _ANSWER_S, f"an answer took {late:.3f} s of at most {_ANSWER_S:g} s"
         ),
         _payload(plan.robot.tool, state),
         _tool(plan.robot.tool, state),

@@ -362,7 +362,7 @@ def _host(on: str) -> str:
     if (scheme, found) != ("ur", "://") or not host or "/" in host or host.count(":") == 1:
         limit = "sim, ur://HOST (a name or an address, no port: UR's ports are fixed)"
         raise InputError("unknown robot to run on", where="--on", value=on, limit=limit)
-    return host
+    return host.strip("[]")
 
 
 def _equipped_arm(robot: RobotModel) -> simulation.SimulatedArm:

@@ -11,6 +11,7 @@ import numpy as np
 from dynid.core import Array, InputError, JobError, Progress, require
 from dynid.drivers.driver import (
     INTERRUPTED,
+    WATCHDOG_HZ,
     Cycle,
     Driver,
     Execution,
@@ -37,8 +38,6 @@ from dynid.drivers.ur.state import (
 from dynid.protocol import Numbers, Recipe, RuntimeState
 from dynid.trajectory import ur_program
 
-WATCHDOG_HZ = 10.0
-"""How often the program must be fed; without it the controller stops after 0.1 s."""
 _DRAIN_EVERY = 25
 """Cycles after which the states that the script port sends are thrown away."""
 
@@ -232,6 +231,10 @@ class ServojDriver(RtdeDriver):
                     control.stopScript()
             return outcome
         finally:
+            if way.ident is None:
+                # Its program would play on: the way, which sets its watchdog, has not begun.
+                with suppress(RuntimeError):
+                    control.stopScript()
             # First: who waits for an answer of it would wait until the network is back.
             control.close()
             way.leave()

@@ -1,6 +1,5 @@
 """A connection to a UR controller: RTDE, programs and questions."""
 
-import math
 import socket
 import threading
 import time
@@ -15,6 +14,9 @@ CONNECT_S = 3.0
 SILENCE_S = 2.0
 """After this long without a package the connection counts as cut [s]."""
 _CHUNK = 1 << 16
+_LOOKS = 10
+"""Answers of which the slowest counts: the network is not always as fast."""
+_WHO = "Check its address: is it a UR controller?"
 
 
 class Disconnected(JobError):
@@ -41,15 +43,28 @@ class RtdeLink:
                 self._ask(Kind.REQUEST_PROTOCOL_VERSION, rtde.request_protocol(2))
             ):
                 raise ProtocolError("the controller has no RTDE protocol 2", where=host)
-            asked = time.monotonic()
-            reply = self._ask(Kind.GET_URCONTROL_VERSION, rtde.frame(Kind.GET_URCONTROL_VERSION))
-            self.round_trip_s = time.monotonic() - asked
-            """How long the network and the controller took for an answer [s]."""
-            self.version = rtde.read_software_version(reply)
+            self.version = self._ask_version()
             """Major, minor, bugfix and build number of its software."""
         except BaseException:
             self.close()
             raise
+
+    def _ask_version(self) -> tuple[int, int, int, int]:
+        reply = self._ask(Kind.GET_URCONTROL_VERSION, rtde.frame(Kind.GET_URCONTROL_VERSION))
+        return rtde.read_software_version(reply)
+
+    def slowest_answer(self) -> float:
+        """How long the network and the controller take for an answer, the slowest of some [s].
+
+        Raises:
+            JobError: There is none.
+        """
+        asked, slowest = time.monotonic(), 0.0
+        for _ in range(_LOOKS):
+            self._ask_version()
+            answered = time.monotonic()
+            asked, slowest = answered, max(slowest, answered - asked)
+        return slowest
 
     @property
     def rate_hz(self) -> float:
@@ -88,20 +103,21 @@ class RtdeLink:
         self.socket.settimeout(SILENCE_S)
 
     def packages(self) -> list[Numbers]:
-        """Wait for packages; all that have arrived, in order.
+        """Wait for packages; all that have arrived, in order, at least one.
 
         Raises:
-            Disconnected: Silence, or the end of the connection.
+            Disconnected: Silence, texts alone, or the end of the connection.
             JobError: Something that is no RTDE.
         """
-        waiting, self._waiting = self._waiting, []
-        packets = waiting or self._receive()
+        until = time.monotonic() + SILENCE_S
         found: list[Numbers] = []
-        for kind, payload in packets:
-            if kind is Kind.DATA_PACKAGE:
-                found.append(self._recipe.numbers(payload))
-            elif kind is Kind.TEXT_MESSAGE:
-                self.messages.append(rtde.read_text_message(payload, 2).message)
+        while not found:
+            waiting, self._waiting = self._waiting, []
+            for kind, payload in waiting or self._receive(until, "no package"):
+                if kind is Kind.DATA_PACKAGE:
+                    found.append(self._recipe.numbers(payload))
+                elif kind is Kind.TEXT_MESSAGE:
+                    self.messages.append(rtde.read_text_message(payload, 2).message)
         return found
 
     def write(self, package: bytes) -> None:
@@ -123,15 +139,23 @@ class RtdeLink:
         kept: list[Packet] = []
         until = time.monotonic() + CONNECT_S
         while True:
-            for k, packet in enumerate(packets := self._receive(until)):
+            for k, packet in enumerate(packets := self._receive(until, "no answer")):
                 if packet.kind is kind:
                     self._waiting += [*kept, *packets[k + 1 :]]
                     return packet.payload
                 kept.append(packet)
 
-    def _receive(self, until: float = math.inf) -> list[Packet]:
-        """Wait for packets, as long as the socket does; for an answer until that time [s]."""
-        while True:
+    def _receive(self, until: float, missing: str) -> list[Packet]:
+        """Wait for packets; what is still missing after that time [s] is told."""
+        packets: list[Packet] = []
+        while not packets:
+            if time.monotonic() > until:
+                raise Disconnected(
+                    f"what is there sends something, but {missing}",
+                    where=self.host,
+                    limit=f"{self.socket.gettimeout():g} s",
+                    next_step=_WHO,
+                )
             with _connected(_BROKE, self.host):
                 try:
                     data = self.socket.recv(_CHUNK)
@@ -139,19 +163,15 @@ class RtdeLink:
                     raise Disconnected(
                         "the controller sends nothing any more: the network is cut, or it is off",
                         where=self.host,
-                        limit=f"{self.socket.gettimeout()} s",
+                        limit=f"{self.socket.gettimeout():g} s",
                     ) from error
             if not data:
                 raise Disconnected("the controller has closed the connection", where=self.host)
-            if time.monotonic() > until:
-                raise Disconnected(
-                    "what is there sends something, but no answer",
-                    where=self.host,
-                    limit=f"{CONNECT_S} s",
-                    next_step="Check its address: is it a UR controller?",
-                )
-            if packets := self._framer.feed(data):
-                return packets
+            try:
+                packets = self._framer.feed(data)
+            except ProtocolError as error:
+                raise error.changed(where=self.host, next_step=_WHO) from error
+        return packets
 
 
 def connect(host: str, port: int) -> socket.socket:
@@ -162,11 +182,12 @@ def connect(host: str, port: int) -> socket.socket:
     """
     try:
         sock = socket.create_connection((host, port), timeout=CONNECT_S)
-    except OSError as error:
+    except (OSError, UnicodeError) as error:
+        # UnicodeError: a name that no host can have.
         raise JobError(
             f"no connection to the controller, port {port}",
             where=host,
-            value=error.strerror or str(error),
+            value=getattr(error, "strerror", None) or str(error),
             next_step="Check its address, the cable, and that it is switched on.",
         ) from error
     sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -255,7 +276,7 @@ class Dashboard:
     def __init__(self, host: str) -> None:
         self.host = host
         self._socket = connect(host, dashboard.PORT)
-        self._stream = self._socket.makefile("rb")
+        self._rest = b""
         greeting = self._read()
         if "Dashboard" not in greeting:
             self.close()
@@ -273,12 +294,22 @@ class Dashboard:
 
     def close(self) -> None:
         """Hang up."""
-        self._stream.close()
         self._socket.close()
 
     def _read(self) -> str:
-        with _connected("the dashboard does not answer", self.host):
-            line = self._stream.readline(_LINE)
-        if not line:
-            raise Disconnected("the dashboard server has closed the connection", where=self.host)
+        until = time.monotonic() + CONNECT_S
+        while b"\n" not in self._rest:
+            if len(self._rest) > _LINE or time.monotonic() > until:
+                raise Disconnected(
+                    "the dashboard sends a line without an end",
+                    where=self.host,
+                    value=f"{len(self._rest)} bytes",
+                    limit=f"{_LINE} bytes, {CONNECT_S:g} s",
+                )
+            with _connected("the dashboard does not answer", self.host):
+                data = self._socket.recv(_CHUNK)
+            if not data:
+                raise Disconnected("the dashboard has closed the connection", where=self.host)
+            self._rest += data
+        line, _, self._rest = self._rest.partition(b"\n")
         return line.decode(errors="replace").strip()

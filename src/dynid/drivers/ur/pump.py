@@ -2,6 +2,7 @@
 
 import os
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
@@ -9,7 +10,16 @@ from dataclasses import replace
 from typing import Protocol
 
 from dynid.core import DynidError, JobError, Progress
-from dynid.drivers.driver import INTERRUPTED, Abort, Cycle, Execution, Outcome, Recorder, Watchdog
+from dynid.drivers.driver import (
+    INTERRUPTED,
+    WATCHDOG_HZ,
+    Abort,
+    Cycle,
+    Execution,
+    Outcome,
+    Recorder,
+    Watchdog,
+)
 from dynid.drivers.ur.link import Disconnected, RtdeLink
 from dynid.drivers.ur.state import Layout
 from dynid.protocol import Numbers, RuntimeState
@@ -20,6 +30,7 @@ BACKLOG_S = 60.0
 """Controller time by which the recorder may fall behind [s]: about 80 MB at 500 Hz."""
 STOP_S = 3.0
 """Controller time after a stop for which packages are still read [s]."""
+_REFUSED = "Switch on remote control, and allow the secondary interface (port 30002), there."
 _STILL = 1e-9
 """Target velocities below this are rest [rad/s]."""
 _PRIORITY = 10
@@ -80,6 +91,7 @@ class Pump(threading.Thread):
         self._conversation, self._halt, self._cancel = conversation, halt, cancel
         self._begun = self._ended = False
         self._refused: Abort | None = None
+        self._pause = 0.0
         self._backlog = round(BACKLOG_S * link.rate_hz)
         self._patience = round(START_S * link.rate_hz)
         self._after = round(STOP_S * link.rate_hz)
@@ -95,7 +107,10 @@ class Pump(threading.Thread):
         with self._lock:
             if self.abort is not None:
                 return
-            said = "; ".join(dict.fromkeys(self._link.messages[-2:]))
+            facts = self._link.messages[-2:]
+            if abort.code == "program" and self._pause > 1 / WATCHDOG_HZ:
+                facts = [f"no package came for {self._pause:.2g} s", *facts]
+            said = "; ".join(dict.fromkeys(facts))
             self.abort = replace(abort, message=f"{abort.message} ({said})") if said else abort
         self._halt()
 
@@ -105,8 +120,11 @@ class Pump(threading.Thread):
         with suppress(OSError, AttributeError):
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
         try:
+            seen = time.monotonic()
             while not self._ended:
-                for numbers in self._link.packages():
+                packages, before, seen = self._link.packages(), seen, time.monotonic()
+                self._pause = max(self._pause, seen - before)
+                for numbers in packages:
                     self._take(numbers)
                     if self._ended:
                         break
@@ -156,7 +174,7 @@ class Pump(threading.Thread):
             self._patience -= 1
             if self._patience <= 0:
                 what = f"the program did not start within {START_S:g} s of robot time"
-                self.stop(Abort("start", what))
+                self.stop(Abort("start", what, _REFUSED))
 
 
 _LOOK_S = 0.02
@@ -221,7 +239,8 @@ class Intake:
                 self._recorder.append(now - self._first, signals, channels)
             except DynidError as error:
                 self._recorder = None
-                pump.stop(Abort("recording", error.line))
+                why = error.changed(next_step=None).line
+                pump.stop(Abort("recording", why, error.next_step))
             else:
                 self._samples += 1
                 self._indices.add(index)

@@ -8,7 +8,7 @@ import numpy as np
 from dynid.core import Array, JobError, frozen
 from dynid.drivers.driver import QUANTITIES, Cycle
 from dynid.drivers.ur.link import Dashboard, RtdeLink
-from dynid.protocol import OUTPUTS, Numbers, Recipe, Version, value
+from dynid.protocol import OUTPUTS, Numbers, Recipe, RobotStatus, Version, value
 
 INDEX, STATE = "output_int_register_24", "output_int_register_25"
 """Where our program writes the number of the sample, and what it is doing."""
@@ -113,7 +113,12 @@ class Layout:
             runtime_state=int(self.number(numbers, "runtime_state")),
             speed_scaling=self.number(numbers, "speed_scaling"),
             speed_fraction=self.number(numbers, "target_speed_fraction"),
+            freedrive=_teaches(self.number(numbers, "robot_status_bits")),
         )
+
+
+def _teaches(status_bits: float) -> bool:
+    return bool(int(status_bits) & RobotStatus.TEACH_BUTTON)
 
 
 _ASKED = (
@@ -125,6 +130,7 @@ _ASKED = (
     "robot_mode",
     "safety_mode",
     "runtime_state",
+    "robot_status_bits",
     "target_speed_fraction",
     "payload",
     "payload_cog",
@@ -163,7 +169,9 @@ class ControllerState:
     tcp_offset: Array | None = None
     """(3) the tool's point in the flange's frame [m]; None if it does not say."""
     round_trip_s: float = 0.0
-    """How long it took to answer [s]: so late a stop arrives."""
+    """How long it took to answer, the slowest of some [s]: so late a stop arrives."""
+    freedrive: bool = False
+    """Whether somebody presses the teach button, to move the arm by hand."""
 
 
 def inspect(host: str) -> ControllerState:
@@ -175,12 +183,9 @@ def inspect(host: str) -> ControllerState:
     with closing(RtdeLink(host)) as link:
         names = [name for name in _ASKED if OUTPUTS[name].exists_in(link.version[:3])]
         recipe = link.ask_outputs(names)
+        version, rate_hz, round_trip_s = link.version, link.rate_hz, link.slowest_answer()
         link.start()
-        packages = link.packages()
-        while not packages:
-            packages = link.packages()
-        version, rate_hz, round_trip_s = link.version, link.rate_hz, link.round_trip_s
-    values = recipe.by_name(packages[-1])
+        values = recipe.by_name(link.packages()[-1])
     model, remote = _dashboard(host, version)
 
     def vector(name: str, size: int = 6) -> Array:
@@ -206,6 +211,7 @@ def inspect(host: str) -> ControllerState:
         payload_cog=vector("payload_cog", 3) if "payload_cog" in values else None,
         tcp_offset=vector("tcp_offset")[:3] if "tcp_offset" in values else None,
         round_trip_s=round_trip_s,
+        freedrive=_teaches(number("robot_status_bits")),
     )
 
 
