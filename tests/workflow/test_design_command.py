@@ -368,7 +368,10 @@ def test_check_refuses_what_is_no_design(run: Run, tmp_path: Path, text: str) ->
 
 
 def test_ctrl_c_writes_the_best_design_so_far(tmp_path: Path) -> None:
-    file = tmp_path / "design.json"
+    """Not in the place of a finished one, whatever may be replaced."""
+    finished, csv = tmp_path / "design.json", tmp_path / "design.csv"
+    finished.write_text("finished")
+    file = tmp_path / "design.interrupted-1.json"
     script = """
 import sys
 import dynid.workflow as designing
@@ -382,7 +385,8 @@ designing.design = design
 sys.exit(main(sys.argv[1:]))
 """
     arm = written_arm(tmp_path, whole=True)
-    words = ("design", arm, "-o", file, "--jobs", "2", "--budget", "120")
+    words = ("design", arm, "-o", finished, "--jobs", "2", "--budget", "120")
+    words += ("--force", "--csv", csv)
     process = subprocess.Popen(
         [sys.executable, "-c", script, *map(str, words)],
         stdout=subprocess.PIPE,
@@ -398,7 +402,9 @@ sys.exit(main(sys.argv[1:]))
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130, err
-    assert "interrupted; the best design so far is in" in err
+    assert f"interrupted; the best design so far is in {file}" in err
+    assert finished.read_text() == "finished"
+    assert csv.exists()
     design = json.loads(file.read_text())["design"]
     assert design["interrupted"]
     assert design["ended_by"] == "interrupt"

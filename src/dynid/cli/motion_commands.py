@@ -96,7 +96,7 @@ def design_command(
     json: ask.JsonFlag = False,
 ) -> int:
     """Optimal excitation trajectory, certified (paper 2.2)."""
-    from dynid.workflow import check_export, design, export_motion
+    from dynid.workflow import check_export, design, export_motion, unfinished_path
 
     sources = (*settings.motions, *settings.previous, *filter(None, [settings.scene]))
     inputs = list(map(Path, sources))
@@ -108,9 +108,12 @@ def design_command(
         show.check_output(path, inputs=inputs, where=f"--{kind}", force=force)
         check_export(kind, robot, settings.trajectory)
     _check_apart({"-o": output, **{f"--{kind}": path for kind, path in asked.items()}})
-    settings = replace(settings, jobs=jobs)
+    settings, unfinished = replace(settings, jobs=jobs), unfinished_path(output)
     with show.progress_bar("design") as progress:
         found = design(robot, settings, output=output, progress=progress)
+    if found.interrupted:
+        output = unfinished
+        asked = {kind: unfinished_path(path) for kind, path in asked.items()}
     for kind, path in asked.items():
         export_motion(found, kind, path)
     if json:

@@ -21,6 +21,7 @@ from dynid.workflow.designing import DEFAULT_STARTS as DEFAULT_STARTS
 from dynid.workflow.designing import check_export as check_export
 from dynid.workflow.designing import design as design
 from dynid.workflow.designing import export_motion as export_motion
+from dynid.workflow.designing import unfinished_path as unfinished_path
 from dynid.workflow.files import LogFit as LogFit
 from dynid.workflow.files import fit as fit
 from dynid.workflow.files import identify_files as identify_files

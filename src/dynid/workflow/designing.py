@@ -18,6 +18,7 @@ from dynid.core import (
     JobError,
     Progress,
     file_hash,
+    free_name,
     provenance,
     workers,
     write_text,
@@ -76,7 +77,7 @@ def design(
     """Design an excitation trajectory.
 
     Ctrl-C ends the search; what was found until then is certified and returned, with
-    `interrupted` set.
+    `interrupted` set. It replaces no file, see `unfinished_path`.
 
     Args:
         robot: The robot, or its name or file.
@@ -99,8 +100,15 @@ def design(
     accuracy = asked.accuracy_percent
     result = job.design(asked.period_s) if accuracy is None else job.shortest(accuracy)
     if output is not None:
-        write_design(result, output, robot=model)
+        path = unfinished_path(output) if result.interrupted else output
+        write_design(result, path, robot=model)
     return result
+
+
+def unfinished_path(path: str | Path) -> Path:
+    """Where an interrupted design goes: beside the file, if there is one, which stays."""
+    path = Path(path)
+    return free_name(path, f"{path.stem}.interrupted-", path.suffix) if path.exists() else path
 
 
 def _telling(progress: Progress | None, watch: Watch | None) -> excitation.SearchProgress:
