@@ -17,6 +17,7 @@ from cli_runs import COMMANDS, Recordings, Run
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from dynid.cli.app import main
 from dynid.core import JobError, MissingExtraError
 from dynid.drivers import Outcome
 
@@ -194,6 +195,23 @@ def test_a_full_disk_behind_stdout_is_said() -> None:
     assert done.returncode == 1
     assert "No space left" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_terminal_that_closes_fails_no_job(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A whole recording had exit code 1, where the terminal closed and SIGHUP was ignored."""
+    there, here = os.openpty()
+
+    def close() -> tuple[str, ...]:
+        os.close(there)
+        return ()
+
+    monkeypatch.setattr("dynid.robot.robots", close)
+    with open(here, "w") as terminal:
+        monkeypatch.setattr(sys, "stdout", terminal)
+        monkeypatch.setattr(sys, "stderr", terminal)
+        code = main(["robots", "--json"])
+        monkeypatch.undo()
+    assert code == 0
 
 
 def test_help_loads_nothing_heavy() -> None:

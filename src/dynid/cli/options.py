@@ -247,9 +247,28 @@ def exit_code_of(job: Callable[[], int]) -> int:
     return code
 
 
+class _Terminal(io.FileIO):
+    """A terminal that may close: what nobody can read any more does not end the job."""
+
+    def write(self, data: Any, /) -> int | None:
+        try:
+            return super().write(data)
+        except OSError as error:
+            if error.errno != errno.EIO:
+                raise
+            return len(data)
+
+
 def guard_streams() -> None:
-    """Make streams take any text, and SIGTERM clean up as Ctrl-C does."""
-    for stream in (sys.stdout, sys.stderr):
+    """Make streams take any text, also where a terminal has closed; SIGTERM cleans up as Ctrl-C."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if isinstance(stream, io.TextIOWrapper) and stream.isatty():
+            raw = _Terminal(stream.fileno(), "w", closefd=False)
+            stream = io.TextIOWrapper(
+                io.BufferedWriter(raw), encoding=stream.encoding, line_buffering=True
+            )
+            setattr(sys, name, stream)
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     if threading.current_thread() is threading.main_thread():
