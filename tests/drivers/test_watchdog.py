@@ -164,6 +164,7 @@ def test_streams_may_be_off_by_their_slack(steps: list[int], slack: int) -> None
         abort = watchdog.see(one)
         assert (abort is not None) == (abs(step - 1) > slack)
         if abort is not None:
+            assert ("set points came late" if slack else "another program") in abort.message
             return
 
 

@@ -344,6 +344,23 @@ def test_a_disk_that_fills_up_costs_what_it_refused_only(tmp_path: Path, monkeyp
     assert read_record(path).samples == writer.saved_samples == 51
 
 
+def test_a_disk_that_takes_no_row_keeps_nothing(tmp_path: Path, monkeypatch) -> None:
+    """An empty file and its lock were left, and a command to read what is there."""
+    path = tmp_path / "run.parquet"
+
+    def full(file: int, data) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "write", full)
+        with pytest.raises(JobError, match="0 samples are on the disk") as caught:
+            open_writer(path)
+    assert caught.value.next_step is None
+    assert list(tmp_path.iterdir()) == []
+    with open_writer(path) as writer:
+        fill(writer, 30)
+
+
 def test_rows_that_wait_beside_a_recording_are_named(tmp_path: Path) -> None:
     path = tmp_path / "run.parquet"
     with open_writer(path) as writer:

@@ -201,13 +201,15 @@ def test_a_run_that_is_stopped_at_once_leaves_nothing(design: Path, tmp_path: Pa
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("room", [3_000, 150_000])
 def test_a_full_disk_keeps_what_fitted(
     design: Path,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
+    room: int,
 ) -> None:
-    path, room = tmp_path / "run.parquet", 150_000
+    path = tmp_path / "run.parquet"
     write, written = os.write, [0]
 
     def refuse(file: int, data: bytes) -> int:
@@ -224,8 +226,12 @@ def test_a_full_disk_keeps_what_fitted(
     message = capsys.readouterr().err
     assert "No space left on device" in message
     assert len(message.strip().splitlines()) == 1
-    # The recording is there, its draft is not.
+    # The recording is there, its draft is not; or nothing is.
     assert ".partial -o" not in message
+    if room < 150_000:
+        assert message.endswith("nothing is kept\n")
+        assert list(tmp_path.iterdir()) == []
+        return
     record = read_record(path)
     assert 100 < record.samples <= room / (8 * 50)
     assert f"{record.samples} samples are kept in {path}" in message

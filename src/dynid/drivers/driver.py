@@ -187,7 +187,11 @@ class Watchdog:
         due = 0 if before is None else before.index + 1
         if abs(cycle.index - due) <= self._slack:
             return None
-        return Abort("index", f"the sample index jumped to {cycle.index}, where {due} was due")
+        why = "another program has taken the robot over, or the controller was late"
+        if self._slack:
+            why = "set points came late: the network is slow, or this computer is busy"
+        what = f"the sample index jumped to {cycle.index}, where {due} was due"
+        return Abort("index", f"{what}; {why}")
 
     def _place(self, cycle: Cycle) -> Abort | None:
         q, limits = cycle.q, self._limits

@@ -123,7 +123,7 @@ class SimulatedDriver(Driver):
                 self.states.append(state)
                 samples += 1
         except DynidError as error:
-            return samples, Abort("recording", error.changed(next_step=None).line, error.next_step)
+            return samples, Abort("recording", error.changed(next_step=None).line)
         return samples, None
 
 

@@ -98,7 +98,13 @@ class RecordWriter:
         """Where the rows of an earlier run are that was interrupted; None if there was none."""
         self._file, self.left = store.create_partial(self._partial)
         self._disk = ThreadPoolExecutor(1, thread_name_prefix="dynid-record")
-        self._write(store.MARK + store.pack(b"H", json.dumps(description).encode()))
+        try:
+            self._write(store.MARK + store.pack(b"H", json.dumps(description).encode()))
+        except JobError:
+            # Nothing was recorded: nothing is left, least of all the lock on it.
+            os.close(self._file)
+            self._partial.unlink(missing_ok=True)
+            raise
 
     @property
     def samples(self) -> int:
@@ -261,7 +267,7 @@ class RecordWriter:
             f"the recording cannot be written; {self._saved} samples are on the disk",
             where=str(self._partial),
             value=why,
-            next_step=store.read_partial(self._partial),
+            next_step=store.read_partial(self._partial) if self._saved else None,
         )
 
 

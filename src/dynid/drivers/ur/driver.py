@@ -243,7 +243,9 @@ class ServojDriver(RtdeDriver):
         try:
             return UrRtde(host)
         except RuntimeError as error:
-            raise JobError("ur_rtde cannot control the robot", where=host, value=error) from error
+            raise JobError(
+                "ur_rtde cannot control the robot", where=host, value=str(error)
+            ) from error
 
 
 class Way(threading.Thread):

@@ -188,7 +188,8 @@ def connect(host: str, port: int) -> socket.socket:
             f"no connection to the controller, port {port}",
             where=host,
             value=getattr(error, "strerror", None) or str(error),
-            next_step="Check its address, the cable, and that it is switched on.",
+            next_step="Check its address, the cable, that it is switched on, and that this service "
+            "is enabled there (Settings, Security, Services).",
         ) from error
     sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return sock

@@ -239,8 +239,8 @@ class Intake:
                 self._recorder.append(now - self._first, signals, channels)
             except DynidError as error:
                 self._recorder = None
-                why = error.changed(next_step=None).line
-                pump.stop(Abort("recording", why, error.next_step))
+                # How rows are read is told at the end, when it is known whether there are any.
+                pump.stop(Abort("recording", error.changed(next_step=None).line))
             else:
                 self._samples += 1
                 self._indices.add(index)
