@@ -416,7 +416,9 @@ def test_a_dashboard_whose_line_never_ends_is_given_up(
 ) -> None:
     line = Line({}, talk)
     connected(monkeypatch, line)
-    with pytest.raises(JobError, match=r"127\.9\.9\.9: .* without an end"):
+    with pytest.raises(
+        JobError, match=r"127\.9\.9\.9: .* without an end.*4096 bytes within 3 s\. Check"
+    ):
         Dashboard("127.9.9.9")
     assert line.now < 2 * CONNECT_S
 

@@ -305,7 +305,8 @@ class Dashboard:
                     "the dashboard sends a line without an end",
                     where=self.host,
                     value=f"{len(self._rest)} bytes",
-                    limit=f"{_LINE} bytes, {CONNECT_S:g} s",
+                    limit=f"{_LINE} bytes within {CONNECT_S:g} s",
+                    next_step=_WHO,
                 )
             with _connected("the dashboard does not answer", self.host):
                 data = self._socket.recv(_CHUNK)
