@@ -277,8 +277,8 @@ _STEPS = {
     "speed slider": "Set the speed slider to 100 %.",
     "at rest": "Wait until nobody moves it.",
     "freedrive": "Let go of the teach button, and of the arm.",
-    "network": "The network is too slow for the watchdog of the program, which would stop it: "
-    "connect this computer to the robot by cable.",
+    "network": "The program's watchdog would stop it where the network, or this computer, is so "
+    "slow: connect it to the robot by cable, and end other work on it.",
 }
 """What to do about each thing that is not as it must be, where its finding does not say it."""
 _ANSWER_S = 1 / WATCHDOG_HZ

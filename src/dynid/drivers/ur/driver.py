@@ -320,7 +320,10 @@ class Stream:
         except RuntimeError as error:
             raise Refused("ur_rtde cannot go on", value=error) from error
         if not sent:
-            raise Refused("ur_rtde has lost its program on the controller")
+            raise Refused(
+                "ur_rtde has lost its program on the controller: its watchdog was not fed in time, "
+                "the network is slow or this computer is busy; or someone stopped it"
+            )
         return self._feed.packet([max(min(k, last + 1), -1)])
 
     def _check_target(self, numbers: Numbers) -> None:
