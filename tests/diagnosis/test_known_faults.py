@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from pinocchio_arm import NOISE, RATE, Wrong, arm, recording
 
-from dynid import identify, random_excitation, read_recording, simulate_recording
+from dynid import FourierSeries, identify, random_excitation, read_recording, simulate_recording
 from dynid.core import Finding
 from dynid.diagnosis import (
     Explanation,
@@ -28,7 +28,7 @@ from dynid.diagnosis.hypotheses import hypotheses
 from dynid.diagnosis.residual import correlation_length, fits, reference
 from dynid.recording import ExperimentRecord, RecordMetadata
 from dynid.robot import load_robot, robot_from_chain, with_mount
-from dynid.signals import ProcessingSettings, process
+from dynid.signals import ProcessingSettings, default_cutoff, process
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data"
@@ -122,6 +122,41 @@ def test_friction_near_reversals_is_no_fault(
     )
     record = simulate_recording(robot, motion, periods=2, rate_hz=rate_hz, seed=seed)
     assert [finding.kind for finding in findings_of(record, robot)] == []
+
+
+# What `dynid design` found for it once, in hundredths of radians.
+KINOVA_AT = (-21, 257, 384, 53, 267, -25)
+KINOVA_SINES = (
+    [-14, 0, 1, -7, 0, -1, -1, -1, 1, 6],
+    [-54, -10, 5, 5, -1, 2, 2, 2, -2, 2],
+    [11, 4, 2, -3, -1, -2, 2, -1, 2, -2],
+    [-23, 5, -4, 4, -2, -4, 1, 2, 2, 1],
+    [7, -13, 15, -8, 2, -3, 2, 3, -2, 0],
+    [25, -15, -8, 0, -1, 3, -1, 2, 2, -1],
+)
+KINOVA_COSINES = (
+    [0, 4, 0, 0, 0, 4, 0, -1, 0, -1],
+    [-17, -2, -3, 2, 2, 0, 1, -1, -1, 1],
+    [49, -3, 1, -1, 0, 1, -3, -2, 2, 1],
+    [74, -5, 0, 3, 2, -4, 2, -1, 0, -1],
+    [25, 3, -4, -4, 3, -1, 2, 3, -3, -1],
+    [43, -1, -3, 0, 2, -3, -2, 3, 1, -1],
+)
+
+
+@pytest.mark.skipif(not MODELS.is_dir(), reason="the package example-robot-data is not installed")
+def test_servos_that_swing_where_friction_turns_round_are_no_fault() -> None:
+    """Low-passed at ten times the motion's frequency, they left torques of gears that bend."""
+    robot = load_robot(MODELS / "kinova_description/robots/kinova.urdf", collision=False)
+    at, sines, cosines = (
+        0.01 * np.array(x, dtype=float) for x in (KINOVA_AT, KINOVA_SINES, KINOVA_COSINES)
+    )
+    motion = FourierSeries(period=10.0, offset=at, a=sines, b=cosines)
+    record = simulate_recording(robot, motion, periods=2, rate_hz=125.0, seed=0)
+    assert [finding.kind for finding in findings_of(record, robot)] == []
+    estimate = identify(record, robot).estimate
+    assert estimate.settings.cutoff_hz is not None
+    assert estimate.settings.cutoff_hz > default_cutoff(record.signals["q"], 125.0)
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from dynid.diagnosis.events import (
 from dynid.diagnosis.explain import Explained, Explanation, explain
 from dynid.diagnosis.hypotheses import COUPLED, LEAST_DELAY_S
 from dynid.diagnosis.prior import link_prior
-from dynid.diagnosis.residual import ROWS, SHAPES, Recording, reference
+from dynid.diagnosis.residual import ROWS, SHAPES, Recording, fits, reference
 from dynid.recording import ExperimentRecord, at_limit
 from dynid.robot import RobotModel
 from dynid.signals import ProcessingSettings, Samples, process
@@ -53,6 +53,10 @@ _ABOUT_X = 0.01
 """Share of gravity along the base's x axis that a mounting about this axis leaves (0.6 deg)."""
 MOST_TOUCHED = 0.3
 """Share of a recording that contacts may take before something else is the cause."""
+WIDER = 2.0
+"""Factor between cut-offs of the motion that are tried."""
+WORTH_WIDER = 0.02
+"""Share by which a wider one must lower the errors of a joint."""
 SAMPLES = 64
 """Fewer are not diagnosed."""
 MOST_JOINTS = 12
@@ -139,6 +143,7 @@ def diagnose(
         samples = process(record, robot, plain)
         if samples.count < SAMPLES:
             continue
+        samples = _whole_motion(record, plain, samples, robot, prior)
         if _absolute(record):
             text = "no torque of any joint is ever negative: absolute values"
             step = "record torques or currents with their signs"
@@ -191,6 +196,34 @@ def _explained(recording: Recording, prior: tuple[Array, Array]) -> Explained:
     if not 0.0 < rows.mean() < MOST_TOUCHED:
         return explained
     return explain(recording.without(rows), prior)
+
+
+def _whole_motion(
+    record: ExperimentRecord,
+    plain: ProcessingSettings,
+    samples: Samples,
+    robot: RobotModel,
+    prior: tuple[Array, Array],
+) -> Samples:
+    """Samples whose motion is low-passed where the torques that are left are least.
+
+    Where friction turns round, servos swing faster than what they were told: without these
+    accelerations torques are left that look like those of gears that bend. Their noise hides what
+    bends, so that little is not worth it.
+    """
+
+    def left(samples: Samples) -> float:
+        ref = reference(recording_of(robot, samples).fast(), prior)
+        return float(0.5 * np.log(np.square(ref.left(fits(ref)[1])).mean(axis=1) + 1e-18).mean())
+
+    least = left(samples)
+    while True:
+        wider = process(record, robot, replace(plain, cutoff_hz=WIDER * samples.cutoff_hz))
+        if wider.cutoff_hz < 1.01 * samples.cutoff_hz:
+            return samples
+        if (now := left(wider)) > least - WORTH_WIDER:
+            return samples
+        samples, least = wider, now
 
 
 def _torque_scale(recording: Recording, prior: tuple[Array, Array]) -> float:

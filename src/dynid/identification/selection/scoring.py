@@ -178,11 +178,16 @@ class ScoreSearch:
             self._cache = (settings, self.summed(settings, self.columns))
         return self._cache[1]
 
-    def plain_score(self, settings: ProcessingSettings) -> float:
-        """Score of the paper's friction, from its own columns alone."""
-        columns = replace(self.columns, extras=(), displacements=())
+    def plain_score(
+        self, settings: ProcessingSettings, choices: Sequence[JointChoice] | None = None
+    ) -> float:
+        """Score of the paper's friction, or of the steps of choices, from their columns alone."""
+        steps = [c.step for c in choices] if choices else [PLAIN_WIDTH] * self.robot.joints
+        columns = replace(self.columns, extras=())
+        if choices is None:
+            columns = replace(columns, displacements=())
         blocks = self.summed(settings, columns)
-        places = [columns.places(j, PLAIN_WIDTH, frozenset()) for j in range(self.robot.joints)]
+        places = [columns.places(j, step, frozenset()) for j, step in enumerate(steps)]
         picks = self.picks_at(places, columns)
         prior = self.prior.times(self.plain_prior)
         weights = gram.joint_weights(blocks.all, picks, prior, self.positive(picks, columns))

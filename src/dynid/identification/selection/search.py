@@ -120,11 +120,15 @@ def select(
     )
     prior = near[0]
     choices, now = search.descend(trials[best], choices, prior)
-    # Friction chosen, the cut-off may move to a neighbour.
-    for near in (best - 1, best + 1):
-        if not (0 <= near < len(trials) and trials[near].velocity == trials[best].velocity):
+    # Steps that are sharper than friction is ask for a low cut-off: chosen, it may move far.
+    tell("cut-off", 0.75)
+    far = 0
+    if any(choice.displacement is not None for choice in choices):
+        far = int(np.argmin([search.plain_score(trial, choices) for trial in trials])) - best
+    for by in (far, -1, 1):
+        near = best + by
+        if not (by and 0 <= near < len(trials) and trials[near].velocity == trials[best].velocity):
             continue
-        tell("cut-off", 0.75)
         blocks = search.blocks(trials[near])
         other = search.scores(blocks, choices, search.weights(blocks, choices, prior), prior)
         if other.value < now.value - GAIN_OF_SHAPE * robot.joints:
