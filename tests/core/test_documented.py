@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import dynid
+from dynid.core import Value
 
 FACES = ["dynid", *(f"dynid.{m.name}" for m in pkgutil.iter_modules(dynid.__path__) if m.ispkg)]
 
@@ -55,6 +56,7 @@ def test_fields_of_exported_classes_are_documented_with_shapes() -> None:
             if not isinstance(line, ast.AnnAssign) or not isinstance(line.target, ast.Name):
                 continue
             field, kind = line.target.id, ast.unparse(line.annotation)
+            assert "Array" not in kind or issubclass(value, Value), f"{name} cannot be compared"
             is_text = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
             said = str(after.value.value) if is_text else ""
             if isinstance(line.value, ast.Call):

@@ -1,4 +1,7 @@
 import json
+import pickle
+from copy import deepcopy
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,14 +24,11 @@ def test_an_estimate_survives_its_file(estimate: Estimate, tmp_path: Path) -> No
     path = tmp_path / "estimate.json"
     write_estimate(estimate, path)
     again = read_estimate(path)
-    for name in ("values", "covariance", "naive_std", "noise"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(estimate, name))
-    assert again.settings == estimate.settings
-    assert again.model.friction == estimate.model.friction
-    assert again.names == estimate.names
-    assert again.expressions == estimate.expressions
-    assert again.essential == estimate.essential
-    assert again.provenance == estimate.provenance
+    for copy in (again, pickle.loads(pickle.dumps(estimate)), deepcopy(estimate)):
+        assert copy == estimate
+        assert not copy.values.flags.writeable
+        assert len(repr(copy)) < 2000
+    assert again != replace(estimate, values=estimate.values + 1e-9)
     other = recording(1)
     np.testing.assert_array_equal(
         validate(again, other).predicted, validate(estimate, other).predicted

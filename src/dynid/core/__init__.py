@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from dynid.core.arrays import Indices as Indices
     from dynid.core.arrays import Mask as Mask
     from dynid.core.arrays import MotionBounds as MotionBounds
+    from dynid.core.arrays import Value as Value
     from dynid.core.arrays import freeze as freeze
     from dynid.core.arrays import frozen as frozen
     from dynid.core.arrays import inverse_upper as inverse_upper
@@ -72,7 +73,7 @@ if TYPE_CHECKING:
 
 _LATER = {
     "arrays": (
-        "Array Indices Mask MotionBounds SMALLEST freeze frozen inverse_upper one_thread "
+        "Array Indices Mask MotionBounds SMALLEST Value freeze frozen inverse_upper one_thread "
         "read_arrays read_only scipy_part solve_upper upper_triangle write_arrays"
     ),
     "json_fields": "JsonFields load_object parse_json plain provenance_from_json",

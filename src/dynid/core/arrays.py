@@ -3,11 +3,13 @@
 import zlib
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
 from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from reprlib import Repr
+from types import MappingProxyType
+from typing import Any, cast
 from zipfile import BadZipFile
 
 import numpy as np
@@ -22,6 +24,72 @@ Indices = NDArray[np.intp]
 """An array of indices."""
 Mask = NDArray[np.bool_]
 """An array of truth values."""
+
+
+class _Short(Repr):
+    """Values within a value by their type alone, arrays by their shape unless they are short."""
+
+    def repr_ndarray(self, x: Array, level: int) -> str:
+        few = x.ndim == 1 and x.size <= self.maxtuple
+        return f"array({[float(f'{v:.6g}') for v in x]})" if few else f"array{x.shape}"
+
+    def repr_mappingproxy(self, x: Mapping[str, Any], level: int) -> str:
+        return self.repr_dict(dict(x), level)
+
+    def repr_instance(self, x: Any, level: int) -> str:
+        return f"{type(x).__name__}(...)" if is_dataclass(x) else super().repr_instance(x, level)
+
+
+_SHORT = _Short()
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Whether two values are equal, arrays within them by shape and numbers; NaN equals NaN."""
+    if type(a) is not type(b):
+        return bool(a == b)
+    if isinstance(a, np.ndarray):
+        left, right = cast("Array", a), cast("Array", b)
+        return np.array_equal(left, right, equal_nan=left.dtype.kind == right.dtype.kind == "f")
+    if isinstance(a, tuple | list):
+        items, others = cast("list[Any]", a), cast("list[Any]", b)
+        return len(items) == len(others) and all(map(_same, items, others))
+    if isinstance(a, Mapping):
+        items, others = cast("Mapping[Any, Any]", a), cast("Mapping[Any, Any]", b)
+        return items.keys() == others.keys() and all(_same(items[k], others[k]) for k in items)
+    if is_dataclass(cast("object", a)):
+        return all(_same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+    return bool(a == b) or (a != a and b != b)
+
+
+def _made(kind: type, given: dict[str, Any]) -> Any:
+    return kind(**given)
+
+
+class Value:
+    """A dataclass with arrays: equal to one of its type where all fields are, shown in short.
+
+    Copies, and those in other processes, are made anew: read-only, from mappings that can travel.
+    """
+
+    __slots__ = ()
+
+    def __init_subclass__(cls) -> None:
+        # In the class itself: a dataclass writes its own there otherwise, which fails on arrays.
+        for name in {"__eq__", "__repr__"} - set(vars(cls)):
+            setattr(cls, name, getattr(Value, name))
+
+    def __eq__(self, other: object) -> bool:
+        return _same(self, other) if type(self) is type(other) else NotImplemented
+
+    def __repr__(self) -> str:
+        shown = (f.name for f in fields(cast("Any", self)) if f.repr)
+        items = (f"{name}={_SHORT.repr(getattr(self, name))}" for name in shown)
+        return f"{type(self).__name__}({', '.join(items)})"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        given = {f.name: getattr(self, f.name) for f in fields(cast("Any", self)) if f.init}
+        given |= {k: v.copy() for k, v in given.items() if isinstance(v, MappingProxyType)}
+        return _made, (type(self), given)
 
 
 def frozen(
@@ -159,7 +227,7 @@ SMALLEST = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MotionBounds:
+class MotionBounds(Value):
     """Bounds of position, velocity and acceleration, one number a joint.
 
     Raises:

@@ -17,6 +17,7 @@ from dynid.core import (
     JobError,
     MotionBounds,
     Provenance,
+    Value,
     Workers,
     frozen,
     one_thread,
@@ -128,7 +129,7 @@ def _smaller(evaluation: DesignEvaluation, x: Array) -> Finished | None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExcitationDesign:
+class ExcitationDesign(Value):
     """An excitation trajectory with everything that is known about it."""
 
     trajectory: Trajectory
@@ -277,7 +278,7 @@ def by_gradient(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MotionSearch:
+class MotionSearch(Value):
     """What an optimiser of designs searches: the numbers x (n, 1 + k) of a motion, see `Candidate`.
 
     The best motions that it judges are kept, and certified.

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dynid.constraints import MotionConstraints
-from dynid.core import Array, InputError, freeze
+from dynid.core import Array, InputError, Value, freeze
 from dynid.excitation.criteria import Criterion
 from dynid.reduction import BaseParametrization
 from dynid.trajectory import MotionFamily
@@ -78,7 +78,7 @@ class ExcitationProblem:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
+class Candidate(Value):
     """Numbers of a motion and what they are worth."""
 
     x: Array

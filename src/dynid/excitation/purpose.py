@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.constraints import MotionConstraints, prior_dynamics
-from dynid.core import Array, InputError
+from dynid.core import Array, InputError, Value
 from dynid.excitation.criteria import AOptimal, inverse
 from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.problem import ExcitationProblem
@@ -56,7 +56,7 @@ class Purpose:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Expected:
+class Expected(Value):
     """What an identification from a design is expected to know, for the robot's torque noise."""
 
     noise: Array

@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from dynid.core import Array, InputError, freeze, frozen, scipy_part
+from dynid.core import Array, InputError, Value, freeze, frozen, scipy_part
 from dynid.export.completion import Completion, complete
 from dynid.identification import Estimate
 from dynid.regressor import InverseDynamicModel, TorqueRipple, coupled_motors, motor_turns
@@ -27,7 +27,7 @@ SYMBOLS = (*JOINT_SYMBOLS, *MOTOR_SYMBOLS, *SHAPED_SYMBOLS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExportModel:
+class ExportModel(Value):
     """A robot with numbers for everything its inverse dynamics need.
 
     tau = M(q) ddq + c(q, dq) + g(q) + friction, M with the motor inertias, g with the known
@@ -154,7 +154,7 @@ _MOVES = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NearestFriction:
+class NearestFriction(Value):
     """Coulomb and viscous friction of each joint, and what they leave of all friction."""
 
     coulomb: Array

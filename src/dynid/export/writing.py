@@ -16,6 +16,7 @@ from dynid.core import (
     Finding,
     InputError,
     JobError,
+    Value,
     in_one_piece,
     printable,
     read_only,
@@ -202,7 +203,7 @@ FORMATS = tuple(_FORMATS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExportedFile:
+class ExportedFile(Value):
     """What was written."""
 
     path: Path

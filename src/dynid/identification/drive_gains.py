@@ -10,6 +10,7 @@ from dynid.core import (
     Finding,
     InputError,
     JobError,
+    Value,
     freeze,
     inverse_upper,
     plain,
@@ -32,7 +33,7 @@ _COLUMNS = ("gain", "std", "coulomb", "viscous", "r2")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DriveGains:
+class DriveGains(Value):
     """Drive gains with their uncertainty; NaN where they are not identifiable.
 
     Raises:

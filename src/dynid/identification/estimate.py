@@ -14,6 +14,7 @@ from dynid.core import (
     InputError,
     JsonFields,
     Provenance,
+    Value,
     finding_from_json,
     freeze,
     frozen,
@@ -32,7 +33,7 @@ from dynid.signals import ProcessingSettings, TorqueFilter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MotionRange:
+class MotionRange(Value):
     """What the identification record covered; beyond it a prediction extrapolates."""
 
     lower: Array
@@ -49,7 +50,7 @@ ORIGINS = ("data", "prior")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StandardParameters:
+class StandardParameters(Value):
     """All standard parameters, of physically consistent bodies, each with where it comes from.
 
     Raises:
@@ -76,7 +77,7 @@ class StandardParameters:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TorquePrediction:
+class TorquePrediction(Value):
     """Predicted torques with their intervals."""
 
     torque: Array
@@ -88,7 +89,7 @@ class TorquePrediction:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate:
+class Estimate(Value):
     """Base parameters with their uncertainty.
 
     Raises:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, Finding, InputError, Mask, freeze, frozen, told
+from dynid.core import Array, Finding, InputError, Mask, Value, freeze, frozen, told
 from dynid.identification import least_squares
 from dynid.identification.bayesian import deviations, inertial_prior, posterior
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
@@ -38,7 +38,7 @@ STOP_S = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GravityEstimate:
+class GravityEstimate(Value):
     """Gravity parameters of a robot with their uncertainty, from poses at rest.
 
     Raises:

@@ -7,7 +7,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynid.core import Array, Indices, InputError, JobError, frozen, solve_upper, upper_triangle
+from dynid.core import (
+    Array,
+    Indices,
+    InputError,
+    JobError,
+    Value,
+    frozen,
+    solve_upper,
+    upper_triangle,
+)
 from dynid.identification.problem import IdentificationProblem, joint_factors
 
 PRIOR_GAIN = 1.0
@@ -18,7 +27,7 @@ SETTLED = 1e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StandardFit:
+class StandardFit(Value):
     """Standard parameters of an estimator that knows more than the data."""
 
     values: Array
@@ -34,7 +43,7 @@ class StandardFit:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fit:
+class Fit(Value):
     """A least-squares solution and what its statistics need."""
 
     values: Array

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Finding, freeze, solve_upper, told, upper_triangle
+from dynid.core import Array, Finding, Value, freeze, solve_upper, told, upper_triangle
 from dynid.identification.shared import PAYLOAD, UNKNOWN, SharedFit, SharedProblem
 from dynid.robot import (
     PARAMETER_UNITS,
@@ -87,7 +87,7 @@ GAINS_OFF = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Payload:
+class Payload(Value):
     """A physically consistent payload with its uncertainty, in the flange frame.
 
     Raises:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dynid.core import Array, InputError, upper_triangle
+from dynid.core import Array, InputError, Value, upper_triangle
 from dynid.reduction import BaseParametrization, reduce_model
 from dynid.regressor import CHUNK, InverseDynamicModel
 from dynid.robot import RobotModel
@@ -19,7 +19,7 @@ from dynid.signals import (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class IdentificationProblem:
+class IdentificationProblem(Value):
     """Find p_B with W p_B = tau for the base parameters of a model.
 
     Raises:

@@ -11,7 +11,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynid.core import Array, InputError, JobError, inverse_upper, solve_upper, upper_triangle
+from dynid.core import (
+    Array,
+    InputError,
+    JobError,
+    Value,
+    inverse_upper,
+    solve_upper,
+    upper_triangle,
+)
 from dynid.identification.bayesian import symbol_of
 from dynid.identification.estimate import Estimate
 from dynid.identification.fitting import EstimateSource, judged
@@ -126,7 +134,7 @@ class SharedProblem:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SharedSolution:
+class SharedSolution(Value):
     """A solution for given weights."""
 
     own: Array
@@ -209,7 +217,7 @@ SAME_PLACE = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SharedFit:
+class SharedFit(Value):
     """A weighted solution with its noise and covariance."""
 
     solution: SharedSolution

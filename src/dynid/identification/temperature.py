@@ -23,6 +23,7 @@ from dynid.core import (
     InputError,
     JobError,
     JsonFields,
+    Value,
     finding_from_json,
     freeze,
     frozen,
@@ -42,7 +43,7 @@ CONVERGED = 1e-10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointTemperatureLaw:
+class JointTemperatureLaw(Value):
     """The friction of one joint at any temperature.
 
     Raises:
@@ -180,7 +181,7 @@ CHOICE = "friction at "
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TemperatureModel:
+class TemperatureModel(Value):
     """What is needed to give an estimate for any temperatures; `write_temperature` keeps it.
 
     Raises:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynid.core import Array, Indices
+from dynid.core import Array, Indices, Value
 
 LEAST_RECORDINGS = 8
 """Fewer recordings have no trend."""
@@ -37,7 +37,7 @@ YEAR_DAYS = 365.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Trend:
+class Trend(Value):
     """A series of one joint over its recordings."""
 
     time_s: Array

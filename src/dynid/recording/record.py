@@ -5,13 +5,12 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import partial
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Finding, RecordError, finding_from_json, frozen
+from dynid.core import Array, Finding, RecordError, Value, finding_from_json, frozen
 from dynid.robot import RobotModel
 
 UNITS: dict[str, str] = {
@@ -60,7 +59,7 @@ class RecordMetadata:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExperimentRecord:
+class ExperimentRecord(Value):
     """A recording: time stamps and signals, strictly increasing and finite.
 
     Raises:
@@ -111,12 +110,6 @@ class ExperimentRecord:
         names = self.metadata.joint_names
         if names and len(names) != shape[1]:
             raise RecordError("joint names do not match the columns", value=names, limit=shape[1])
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """For processes and copies, which cannot take read-only mappings."""
-        fields = {"signals": dict(self.signals), "channels": dict(self.channels)}
-        rest = {"t": self.t, "metadata": self.metadata, "problems": self.problems}
-        return partial(ExperimentRecord, **fields, **rest), ()
 
     @property
     def samples(self) -> int:

@@ -15,6 +15,7 @@ from dynid.core import (
     Indices,
     InputError,
     Mask,
+    Value,
     read_only,
     solve_upper,
     upper_triangle,
@@ -54,7 +55,7 @@ ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rank:
+class Rank(Value):
     """Rank and classes that do not depend on the choice of base columns."""
 
     rank: int
@@ -136,7 +137,7 @@ MATERIAL_SHIFT = 1e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BaseParametrization:
+class BaseParametrization(Value):
     """The r base parameters of p standard ones: p_B = p_1 + K p_2."""
 
     model: InverseDynamicModel

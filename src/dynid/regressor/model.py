@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, check_word, frozen, read_only
+from dynid.core import Array, InputError, Value, check_word, frozen, read_only
 from dynid.regressor.columns import (
     Column,
     ColumnBlock,
@@ -31,7 +31,7 @@ columns then start at the same place of the cache and push each other out (three
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class InverseDynamicModel:
+class InverseDynamicModel(Value):
     """The regressor of a robot with chosen parameter frames and column blocks.
 
     Raises:

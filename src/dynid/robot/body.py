@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Indices, RobotError, frozen, printable, require, scipy_part
+from dynid.core import Array, Indices, RobotError, Value, frozen, printable, require, scipy_part
 
 MOST_POINTS = 200
 _TURNS, _RINGS = 16, 9
@@ -48,7 +48,7 @@ _LARGEST_MESH = 64 << 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Body:
+class Body(Value):
     """All points within a radius of the hull of some points.
 
     One point is a sphere, two a capsule, eight a box with rounded edges.

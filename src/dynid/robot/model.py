@@ -1,21 +1,20 @@
 """The robot as a value: a serial chain with mounting, limits, drives and collision bodies."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import SMALLEST, Array, Mask, MotionBounds, RobotError, freeze, frozen
+from dynid.core import SMALLEST, Array, Mask, MotionBounds, RobotError, Value, freeze, frozen
 from dynid.robot.body import Body
 from dynid.robot.transforms import from_body
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drives:
+class Drives(Value):
     """Gear ratios, drive gains and transmission coupling.
 
     The motors turn by `q_motor = N (q - offset)`, so joint torques are `tau = N' tau_motor`
@@ -185,7 +184,7 @@ class Counterbalance:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tool:
+class Tool(Value):
     """What the flange carries, in the flange's frame.
 
     Raises:
@@ -222,7 +221,7 @@ STANDARD_GRAVITY = 9.80665
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RobotModel:
+class RobotModel(Value):
     """A serial chain of revolute and prismatic joints.
 
     At q = 0 joint frame i stands at `placements[i]` in joint frame i - 1 (the base for the
@@ -316,13 +315,6 @@ class RobotModel:
         if self.safety.elbow > n:
             raise RobotError("the elbow is no joint of this robot", where=self.name)
 
-    def __reduce__(self) -> "tuple[Callable[[dict[str, Any]], RobotModel], tuple[dict[str, Any]]]":
-        # Read-only mappings cannot be pickled, and worker processes get robots by pickle.
-        values = {item.name: getattr(self, item.name) for item in fields(self)}
-        values["parameter_frames"] = dict(self.parameter_frames)
-        values["locked"] = dict(self.locked)
-        return _rebuild, (values,)
-
     @property
     def joints(self) -> int:
         """Number of joints n."""
@@ -389,10 +381,6 @@ def with_carried(robot: RobotModel) -> RobotModel:
     )
     tool = replace(robot.tool, mass=0.0, com=np.zeros(3))
     return replace(robot, inertias=inertias, tool=tool, notes=(*robot.notes, note))
-
-
-def _rebuild(values: dict[str, Any]) -> RobotModel:
-    return RobotModel(**values)
 
 
 def _check_transforms(matrices: Array, where: str) -> None:

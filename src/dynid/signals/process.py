@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Indices, InputError, freeze
+from dynid.core import Array, Indices, InputError, Value, freeze
 from dynid.recording import ExperimentRecord, RecordLike, are_poses, open_record
 from dynid.robot import RobotLike, RobotModel, load_robot
 from dynid.signals import filters
@@ -67,7 +67,7 @@ class ProcessingSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Samples:
+class Samples(Value):
     """Filtered motion and measured torque on a uniform grid.
 
     Raises:

@@ -15,6 +15,7 @@ from dynid.core import (
     JsonFields,
     MotionBounds,
     Provenance,
+    Value,
     load_object,
     plain,
     provenance_from_json,
@@ -126,7 +127,7 @@ _OWN = frozenset({"kind", "version", "robot", "trajectory", "limits", "provenanc
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StoredTrajectory:
+class StoredTrajectory(Value):
     """A trajectory with what it was made for."""
 
     trajectory: Trajectory

@@ -8,12 +8,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, MotionBounds, frozen, read_only
+from dynid.core import Array, InputError, MotionBounds, Value, frozen, read_only
 from dynid.trajectory.trajectory import JointMotion, SeriesFamily, Trajectory, require_positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FourierSeries(Trajectory):
+class FourierSeries(Value, Trajectory):
     """A periodic motion, q = q0 + sum_l a_l sin(w l t) - b_l cos(w l t) with w = 2 pi / period.
 
     Raises:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, MotionBounds, freeze, frozen, read_only, scipy_part
+from dynid.core import Array, InputError, MotionBounds, Value, freeze, frozen, read_only, scipy_part
 from dynid.trajectory.fourier import (
     coefficients,
     harmonic_basis,
@@ -44,7 +44,7 @@ _PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StraightMove(StandingMotion):
+class StraightMove(Value, StandingMotion):
     """From one pose to another along a straight line in joint space, at rest at both ends.
 
     Raises:
@@ -150,7 +150,7 @@ def rest_to_rest(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FourierQuintic(StandingMotion):
+class FourierQuintic(Value, StandingMotion):
     """q = sum_l a_l sin(w l t) - b_l cos(w l t) + c(t), w = 2 pi / period, c of fifth order.
 
     The six coefficients of each c are those that make q(0) = start, q(period) = goal, and
@@ -273,7 +273,7 @@ _REST = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BSpline(StandingMotion):
+class BSpline(Value, StandingMotion):
     """q = sum_i control_i B_i(t), with clamped knots at equal distances.
 
     Starts at the first control point and ends at the last one. With three equal control points at

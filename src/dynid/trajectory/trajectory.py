@@ -8,11 +8,11 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, freeze, frozen
+from dynid.core import Array, InputError, Value, freeze, frozen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointMotion:
+class JointMotion(Value):
     """Samples of a motion.
 
     Raises:

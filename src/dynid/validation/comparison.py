@@ -11,7 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import SEVERITIES, Array, Finding, Indices, InputError, Mask, plain, read_only, told
+from dynid.core import (
+    SEVERITIES,
+    Array,
+    Finding,
+    Indices,
+    InputError,
+    Mask,
+    Value,
+    plain,
+    read_only,
+    told,
+)
 from dynid.identification import (
     Estimate,
     EstimateLike,
@@ -38,7 +49,7 @@ _SMOOTH = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TransferReport:
+class TransferReport(Value):
     """A prediction error split by cause."""
 
     rms: Array
@@ -378,7 +389,7 @@ class ParameterGroup:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ParameterComparison:
+class ParameterComparison(Value):
     """Base parameters of two estimates side by side (paper 3.2, Fig. 4)."""
 
     names: tuple[str, ...]

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Mask, plain
+from dynid.core import Array, Mask, Value, plain
 from dynid.robot import joints_by_kind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Metrics:
+class Metrics(Value):
     """Errors of a prediction, a joint and overall."""
 
     samples: int

@@ -8,7 +8,7 @@ from numbers import Real
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, Mask, frozen, read_only
+from dynid.core import Array, InputError, Mask, Value, frozen, read_only
 from dynid.identification import Estimate, EstimateLike, open_estimate
 from dynid.recording import RecordLike, open_record
 from dynid.regressor import FrictionTerms, InverseDynamicModel, torque_adjoint
@@ -28,7 +28,7 @@ _LEAST_NOISE = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ContactThresholds:
+class ContactThresholds(Value):
     """Residuals beyond which a joint is touched, learned from free motion.
 
     Near standstill stiction and the reversal of friction hide several N.m that a moving joint

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, DynidError, Finding, Mask, plain, read_only, told
+from dynid.core import Array, DynidError, Finding, Mask, Value, plain, read_only, told
 from dynid.identification import (
     Estimate,
     EstimateLike,
@@ -119,7 +119,7 @@ REST_SHARE = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ValidationResult:
+class ValidationResult(Value):
     """Prediction against measurement on one record."""
 
     t: Array

@@ -17,6 +17,7 @@ from dynid.constraints import Certificate, MotionConstraints, Unjudged, certify
 from dynid.core import (
     InputError,
     JsonFields,
+    Value,
     content_hash,
     dynid_version,
     file_hash,
@@ -89,7 +90,7 @@ def _digest_of(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StoredDesign:
+class StoredDesign(Value):
     """A design, or any trajectory, as its file holds it."""
 
     stored: StoredTrajectory

@@ -16,6 +16,7 @@ from dynid.core import (
     DynidError,
     InputError,
     Progress,
+    Value,
     Workers,
     content_hash,
     each,
@@ -49,7 +50,7 @@ EPOCH_FROM_S = 1e8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FleetRecording:
+class FleetRecording(Value):
     """One recording of a fleet, and what it contributes."""
 
     path: str

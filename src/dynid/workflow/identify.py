@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from dynid import recording
-from dynid.core import Finding, InputError, Progress, Workers, one_thread, plain, told
+from dynid.core import Finding, InputError, Progress, Value, Workers, one_thread, plain, told
 from dynid.diagnosis import USELESS_PREDICTION, Verdict, diagnose, judge
 from dynid.export import simulator_obstacle
 from dynid.identification import Estimate
@@ -163,7 +163,7 @@ OVER_FITTED = 1.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Identification:
+class Identification(Value):
     """An estimate with its training and validation errors."""
 
     estimate: Estimate

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid import identification
-from dynid.core import Array, Finding, InputError, Progress, frozen, one_thread, told
+from dynid.core import Array, Finding, InputError, Progress, Value, frozen, one_thread, told
 from dynid.recording import (
     ExperimentRecord,
     RecordLike,
@@ -278,7 +278,7 @@ def identify_gains(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GainsFromPayload:
+class GainsFromPayload(Value):
     """Drive gains, and what could not be told."""
 
     gain: Array

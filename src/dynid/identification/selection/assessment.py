@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Indices, Mask
+from dynid.core import Array, Indices, Mask, Value
 from dynid.identification.bayesian import PublishedPrior, published_prior
 from dynid.identification.least_squares import Fit
 from dynid.identification.problem import IdentificationProblem
@@ -33,7 +33,7 @@ WEAKEST = 1e-8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Assessment:
+class Assessment(Value):
     """What left-out parts of the recordings say about a result, on all rows."""
 
     anywhere: Array

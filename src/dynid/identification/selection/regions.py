@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Indices, InputError, Mask, freeze, plain, scipy_part
+from dynid.core import Array, Indices, InputError, Mask, Value, freeze, plain, scipy_part
 from dynid.identification.bayesian import symbol_of
 from dynid.identification.selection.unseen import Unseen
 from dynid.robot import PARAMETERS
@@ -139,7 +139,7 @@ recordings of one UR5 differ by 1 to 20 %."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TorqueInterval:
+class TorqueInterval(Value):
     """Torque intervals that grow where the recording has not been.
 
     s^2 = sigma^2 + c^2 h with the leverage h = |root' x|^2 of a state's columns x. The half width
