@@ -11,6 +11,7 @@ from dynid.constraints import PRESETS
 from dynid.core import InputError, in_python
 from dynid.excitation import CRITERIA
 from dynid.identification import ESTIMATORS, PURPOSES
+from dynid.recording.formats import FORMATS
 from dynid.settings import options_of
 from dynid.trajectory import FAMILY_NAMES
 
@@ -22,6 +23,7 @@ def test_words_are_those_that_exist() -> None:
             {"criterion": CRITERIA, "trajectory": FAMILY_NAMES, "limits": PRESETS},
         ),
         (dynid.IdentifySettings, {"estimator": ESTIMATORS, "purpose": PURPOSES}),
+        (dynid.ImportOptions, {"format": ("auto", *FORMATS)}),
     ):
         options = options_of(kind)
         for name, words in known.items():

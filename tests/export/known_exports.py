@@ -12,6 +12,7 @@ from dynid.core import Array, provenance
 from dynid.identification import Estimate, MotionRange
 from dynid.reduction import random_states, reduce_model
 from dynid.regressor import (
+    TERMS,
     FrictionTerms,
     Gear,
     InverseDynamicModel,
@@ -22,9 +23,9 @@ from dynid.regressor import (
 from dynid.robot import Counterbalance, Drives, RobotModel, load_robot, robot_from_chain
 from dynid.signals import ProcessingSettings
 
-EVERY_TERM = parse_terms("fc,fv,im,fo,fca,fva,fs,fr", width=0.02)
+EVERY_TERM = parse_terms(",".join(TERMS), width=0.02)
 # Steps so wide that random states tell the offset, the asymmetry and Stribeck friction apart.
-WIDE_TERMS = parse_terms("fc,fv,im,fo,fca,fva,fs,fr", width=0.5, stribeck_velocity=1.0)
+WIDE_TERMS = parse_terms(",".join(TERMS), width=0.5, stribeck_velocity=1.0)
 IN_PINOCCHIO = [0, 1, 2, 3, 4, 6, 9, 8, 7, 5]
 
 

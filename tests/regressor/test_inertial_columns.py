@@ -153,13 +153,14 @@ def test_inverse_dynamics_is_newton_eulers_in_every_frame(seed: int, frames: str
 @pytest.mark.parametrize("name", [robot.name for robot in robots()])
 def test_the_frames_of_a_built_in_robot_say_the_same(name: str) -> None:
     robot = load_robot(name)
-    state = random_states(seed=6, samples=12, joints=6)
-    links = random_parameters(seed=7, joints=6).reshape(6, 10)
-    friction = np.arange(1.0, 19.0)
-    truth = torques(robot, "dh", links.ravel(), *state)
-    truth += np.tanh(state[1] / 0.001) * friction[:6] + state[1] * friction[6:12]
-    truth += state[2] * friction[12:]
-    here = robot.parameter_frames["dh"]
+    n, frames = robot.joints, robot.default_frames
+    state = random_states(seed=6, samples=12, joints=n)
+    links = random_parameters(seed=7, joints=n).reshape(n, 10)
+    friction = np.arange(1.0, 1.0 + 3 * n)
+    coulomb, viscous, motor = friction.reshape(3, n)
+    truth = torques(robot, frames, links.ravel(), *state)
+    truth += np.tanh(state[1] / 0.001) * coulomb + state[1] * viscous + state[2] * motor
+    here = robot.parameter_frames[frames]
     for frames, there in robot.parameter_frames.items():
         own = [
             np.linalg.solve(frame_change(b), frame_change(a) @ link)

@@ -31,11 +31,11 @@ ROS_NAMES = (
 
 
 def test_the_list() -> None:
-    assert [entry.name for entry in robots()] == NAMES
-    for name, joints, source in robots():
-        assert joints == 6
-        assert "Universal Robots" in source
-        assert name
+    listed = {entry.name: entry for entry in robots()}
+    assert list(listed) == sorted(listed)
+    for name in NAMES:
+        assert listed[name].joints == 6
+        assert "Universal Robots" in listed[name].source
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -15,7 +15,14 @@ from scipy import stats
 from dynid.core import Finding, InputError
 from dynid.identification import Estimate, write_estimate
 from dynid.reduction import reduce_model
-from dynid.regressor import InverseDynamicModel, LoadFriction, parse_terms
+from dynid.regressor import (
+    TERMS,
+    Gear,
+    InverseDynamicModel,
+    LoadFriction,
+    TorqueRipple,
+    parse_terms,
+)
 from dynid.robot import load_robot, with_mount
 from dynid.signals import Samples
 from dynid.validation import ParameterComparison, compare, refit_friction
@@ -74,6 +81,8 @@ def test_groups_are_the_papers() -> None:
     assert tuple(item.name for item in result.groups) == GROUPS
     assert {item.name: len(item.members) for item in result.groups} == SIZES
     assert not any(item.moved for item in result.groups)
+    every = other_model(friction=parse_terms(",".join(TERMS)))
+    assert len(group(compare(every, every), "inertial").members) == SIZES["inertial"]
 
 
 @pytest.mark.parametrize(("parameter", "name"), [("Fv3", "viscous"), ("Fc1", "coulomb")])
@@ -170,11 +179,15 @@ def other_model(**changes: object) -> Estimate:
     )
 
 
-def test_friction_that_grows_with_the_load_is_friction() -> None:
+@pytest.mark.parametrize("symbol", ["Fl", "Fw"])
+def test_friction_by_load_and_ripple_are_of_the_gear(symbol: str) -> None:
     parameters = tuple(np.linspace(1.0, 2.0, 60).tolist())
     load = LoadFriction(joints=(1, 2), parameters=parameters)
-    base = other_model(friction=replace(estimate().model.friction, load=load))
-    at = [k for k, name in enumerate(base.names) if name.startswith("Fl")]
+    gear = Gear(joint=0, waves=(100.0,), speed=1.0, powers=1)
+    ripple = TorqueRipple(joint=0, gears=(gear,), coefficients=(1.0, 0.5))
+    friction = replace(estimate().model.friction, load=load, ripples=(ripple,))
+    base = other_model(friction=friction)
+    at = [k for k, name in enumerate(base.names) if name.startswith(symbol)]
     moved = np.ones(len(base.names))
     moved[at] = 50.0
     result = compare(base, replace(base, values=moved))

@@ -6,12 +6,12 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
 
-from dynid.core import InputError, write_json
+from dynid.core import InputError, JobError, write_json
 from dynid.excitation import DesignOptimiser, MotionSearch, random_numbers
 from dynid.experiment import ExperimentPlan, check_design
 from dynid.workflow import DesignSettings, RunSettings, check, design, judge_of, read_design
@@ -344,10 +344,15 @@ def test_a_task_of_another_robot_is_refused(made: tuple[Path, str], tmp_path: Pa
         design(tmp_path / "arm.urdf", task)
 
 
+class NoTries(DesignOptimiser):
+    """Forgets to judge."""
+
+    def minimize(self, search: MotionSearch) -> int:
+        return 0
+
+
 class FewTries(DesignOptimiser):
     """The best of some random motions."""
-
-    name: ClassVar[str] = "few-tries"
 
     def minimize(self, search: MotionSearch) -> int:
         random = np.random.default_rng(search.seed)
@@ -360,10 +365,12 @@ def test_an_optimiser_of_ones_own_finds_a_design(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(ARM)
     settings = DesignSettings(method=FewTries(), harmonics=3, period_s=8.0, limits="paper")
     found = design(tmp_path / "arm.urdf", settings, output=tmp_path / "design.json")
-    assert (found.method, found.ended_by, found.evaluations) == ("few-tries", "optimiser", 4)
+    assert (found.method, found.ended_by, found.evaluations) == ("own", "optimiser", 4)
     assert found.certificate.holds
     stored = read_design(tmp_path / "design.json")
-    assert (stored.facts["method"], stored.changed) == ("few-tries", ())
+    assert (stored.facts["method"], stored.changed) == ("own", ())
     with pytest.raises(InputError) as caught:
         DesignSettings(method=FewTries)  # pyright: ignore[reportArgumentType]
     assert caught.value.where == "--method"
+    with pytest.raises(JobError, match=r"optimiser own judged no motion"):
+        design(tmp_path / "arm.urdf", replace(settings, method=NoTries()))

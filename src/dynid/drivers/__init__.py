@@ -1,4 +1,4 @@
-"""Whatever moves a robot along a motion and records it: simulated, replayed, real."""
+"""Whatever moves a robot along a motion and records it: simulated or real."""
 
 from dynid.drivers.driver import INTERRUPTED as INTERRUPTED
 from dynid.drivers.driver import WATCHDOG_HZ as WATCHDOG_HZ

@@ -301,7 +301,7 @@ class MotionSearch(Value):
 class DesignOptimiser(ABC):
     """A way to search for a motion."""
 
-    name: ClassVar[str]
+    name: ClassVar[str] = "own"
     """Stands in the design in place of `--method`."""
     ends: ClassVar[str] = "optimiser"
     """What it ended by where neither time nor a person did."""
@@ -356,7 +356,7 @@ def by_optimiser(
 
     Raises:
         InputError: A budget that is too short.
-        JobError: No motion was judged in time.
+        JobError: No motion was judged.
     """
     evaluation, region = DesignEvaluation(problem), region_of(problem)
     evaluation.warm_up()
@@ -388,6 +388,9 @@ def by_optimiser(
             )
         )
         search.ended_by = "budget" if stop() else optimiser.ends
+        if search.best is None and search.ended_by != "budget":
+            step = "Call search.judge in minimize."
+            raise JobError(f"the optimiser {optimiser.name} judged no motion", next_step=step)
     except KeyboardInterrupt:
         search.ended_by = "interrupt"
     return _finished(problem, search, budget_s)

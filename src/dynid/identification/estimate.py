@@ -125,7 +125,7 @@ class Estimate(Value):
     settings: ProcessingSettings
     """How the record was processed; validation uses the same."""
     essential: tuple[int, ...]
-    """Number of base parameters that the data determine."""
+    """Indices of the base parameters that the data determine."""
     motion: MotionRange
     """Range of the recorded motion."""
     choices: tuple[str, ...] = ()

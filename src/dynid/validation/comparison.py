@@ -32,7 +32,7 @@ from dynid.identification import (
     recorded_rows,
 )
 from dynid.regressor import FrictionTerms, InverseDynamicModel
-from dynid.robot import RobotModel
+from dynid.robot import PARAMETERS, RobotModel
 from dynid.signals import Samples
 
 OF_COMPARISON = ("other_motion", "other_shape", "same_record")
@@ -358,7 +358,8 @@ GROUPS = ("inertial", "coulomb", "viscous", "motor")
 FALSE_ALARM = 0.01
 """Chance that a group in which nothing moved is said to have moved."""
 _SYMBOLS = {
-    **dict.fromkeys(("Fc", "Fca", "Fs", "Fl", "Fcm"), "coulomb"),
+    **dict.fromkeys(PARAMETERS, "inertial"),
+    **dict.fromkeys(("Fc", "Fca", "Fs", "Fl", "Fw", "Fcm"), "coulomb"),
     **dict.fromkeys(("Fv", "Fva", "Fr", "Fvm"), "viscous"),
     **dict.fromkeys(("Im", "Imm"), "motor"),
     "Fo": "offset",
@@ -461,7 +462,7 @@ def compare(a: EstimateLike, b: EstimateLike) -> ParameterComparison:
     change = np.full_like(size, np.nan)
     np.divide(100.0 * difference, size, out=change, where=size > 0)
     known = (a.relative_std_percent < 100.0) & (b.relative_std_percent < 100.0)
-    kinds = [_SYMBOLS.get(name.rstrip("0123456789"), "inertial") for name in a.names]
+    kinds = [_SYMBOLS[name.rstrip("0123456789")] for name in a.names]
     words = (*GROUPS, "offset") if "offset" in kinds else GROUPS
     return ParameterComparison(
         names=a.names,
