@@ -132,5 +132,5 @@ def test_another_model_and_other_shapes_are_refused() -> None:
     with pytest.raises(InputError, match="width"):
         GramKernel(base.model, base, coulomb_width=-1.0)
     q, dq, ddq = motion(coefficients(11, 3), 20)
-    with pytest.raises(InputError, match="ddq does not fit"):
+    with pytest.raises(InputError, match="ddq has the wrong shape"):
         GramKernel(base.model, base).gram(q, dq, ddq[:19])

@@ -2,6 +2,7 @@ import json
 import pickle
 from copy import deepcopy
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,8 @@ from known_robot import identified, recording
 
 from dynid.core import InputError
 from dynid.identification import Estimate, read_estimate, write_estimate
-from dynid.validation import validate
+from dynid.reduction import reduce_model
+from dynid.validation import MomentumObserver, validate
 
 pytestmark = pytest.mark.usefixtures("undiagnosed")
 
@@ -112,6 +114,19 @@ def test_predictions_take_lists_and_refuse_what_does_not_fit(estimate: Estimate)
         for call in (estimate.predict, estimate.half_width):
             with pytest.raises(InputError, match="state"):
                 call(*motion, wrong)
+    model, values = estimate.model, estimate.standard_parameters()
+    base = reduce_model(model)
+    for call, good, wrong in (
+        (partial(model.inverse_dynamics, *lists), values.tolist(), values[1:]),
+        (partial(model.mass_matrix, lists[0]), values.tolist(), values[1:]),
+        (base.from_standard, values.tolist(), values[1:]),
+        (base.to_standard, estimate.values.tolist(), [1.0]),
+        (model.known_torque, lists[0], motion[0][:, :4]),
+        (partial(MomentumObserver(estimate=estimate).momentum, lists[0]), lists[1], lists[1][0]),
+    ):
+        call(good)
+        with pytest.raises(InputError, match="wrong shape"):
+            call(wrong)
     for level in ("0.9", 2, True, float("nan")):
         with pytest.raises(InputError, match="level"):
             estimate.predict(*motion, interval=level)

@@ -180,6 +180,11 @@ def test_refuses_nonsense(estimate: Estimate) -> None:
         contact_thresholds([zero], [zero])
     with pytest.raises(InputError, match="quantile"):
         contact_thresholds([zero], [zero], quantile=1.0)
+    free = contact_thresholds([np.ones((200, 6))], [np.ones((200, 6))])
+    assert free.contacts([[3.0] * 6], [[1.0] * 6]).all()
+    for wrong in ([1.0] * 6, np.zeros((2, 6))):
+        with pytest.raises(InputError, match="dq has the wrong shape"):
+            free.contacts(np.zeros((1, 6)), wrong)
     # A threshold that is no number would never be crossed.
     gone = np.full((40, 6), np.nan)
     for residuals, velocities, message in (

@@ -8,6 +8,7 @@ a joint.
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dynid.core import (
     Array,
@@ -16,6 +17,7 @@ from dynid.core import (
     InputError,
     Mask,
     Value,
+    frozen,
     read_only,
     solve_upper,
     upper_triangle,
@@ -189,16 +191,25 @@ class BaseParametrization(Value):
         squares = np.square(self.singular_values)
         return read_only(np.cumsum(squares) / squares.sum())
 
-    def from_standard(self, parameters: Array) -> Array:
-        """Base parameters (r) of standard parameters (p)."""
-        return (
-            parameters[list(self.independent)] + self.regrouping @ parameters[list(self.dependent)]
-        )
+    def from_standard(self, parameters: ArrayLike) -> Array:
+        """Base parameters (r) of standard parameters (p).
 
-    def to_standard(self, values: Array) -> Array:
-        """Standard parameters (p) with the torques of base ones (r): zero outside the base."""
+        Raises:
+            InputError: Another number of parameters.
+        """
+        shape = (len(self.model.columns),)
+        every = frozen(parameters, shape=shape, name="standard parameters", finite=False)
+        return every[list(self.independent)] + self.regrouping @ every[list(self.dependent)]
+
+    def to_standard(self, values: ArrayLike) -> Array:
+        """Standard parameters (p) with the torques of base ones (r): zero outside the base.
+
+        Raises:
+            InputError: Another number of parameters.
+        """
         parameters = np.zeros(len(self.model.columns))
-        parameters[list(self.independent)] = values
+        own = frozen(values, shape=(self.rank,), name="base parameters", finite=False)
+        parameters[list(self.independent)] = own
         return parameters
 
     def _expression(self, row: int) -> str:

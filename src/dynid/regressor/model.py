@@ -131,7 +131,12 @@ class InverseDynamicModel(Value):
         return [j for j, d in enumerate(self.friction.presliding) if d > 0]
 
     def stack(
-        self, q: Array, dq: Array, ddq: Array, out: Array | None = None, state: Array | None = None
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        out: Array | None = None,
+        state: Array | None = None,
     ) -> Array:
         """The regressor of a batch, ordered for linear algebra.
 
@@ -152,7 +157,7 @@ class InverseDynamicModel(Value):
         robot = self.robot
         first = 10 * robot.joints
         motion = self.motion(q, dq, ddq)
-        shape = (len(self.columns), robot.joints, len(q))
+        shape = (len(self.columns), robot.joints, motion.shape[2])
         if out is None:
             out = np.zeros(shape)
         elif out.shape != shape:
@@ -176,7 +181,7 @@ class InverseDynamicModel(Value):
         load = self.friction.load
         if load is not None:
             carried = np.tensordot(np.array(load.parameters), out[: 10 * robot.joints], axes=1)
-            carried -= self.known_torque(q).T
+            carried -= self.known_torque(position.T).T
             direction = smooth_sign(velocity, self.friction.width)
             for j in before:
                 direction[j] = direction[j] if state is None else state[j]
@@ -187,17 +192,14 @@ class InverseDynamicModel(Value):
             out[k, ripple.joint] = ripple.torque(position, velocity)
         return out
 
-    def motion(self, q: Array, dq: Array, ddq: Array) -> Array:
+    def motion(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
         """(3, n, N) of q, dq, ddq, each (N, n): what the kernels take.
 
         Raises:
             InputError: Shapes that do not fit the robot or each other.
         """
         # The compiled kernels trust their shapes: they would read beyond shorter arrays.
-        expected = (len(q), self.robot.joints)
-        for name, array in (("q", q), ("dq", dq), ("ddq", ddq)):
-            if array.shape != expected:
-                raise InputError(f"{name} does not fit", value=array.shape, limit=expected)
+        q, dq, ddq = self.states(q, dq, ddq)
         # A copy, never a view: read-only arrays would make Numba compile the kernels once more.
         # Samples next to each other: stack() would keep the order of the transposes.
         return np.stack([q.T, dq.T, ddq.T], out=np.empty((3, *q.T.shape)))
@@ -230,12 +232,23 @@ class InverseDynamicModel(Value):
         return self.stack(*self.states(q, dq, ddq)).transpose(2, 1, 0)
 
     def inverse_dynamics(
-        self, q: Array, dq: Array, ddq: Array, parameters: Array, state: Array | None = None
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        parameters: ArrayLike,
+        state: Array | None = None,
     ) -> Array:
         """Torques (N, n) [N.m or N] for standard parameters (p), known torques not included.
 
         The motion and the state of friction are those of `stack`.
+
+        Raises:
+            InputError: Shapes that do not fit the model or each other.
         """
+        q, dq, ddq = self.states(q, dq, ddq)
+        shape = (len(self.columns),)
+        parameters = frozen(parameters, shape=shape, name="parameters", finite=False)
         torque = np.empty(q.shape)
         for first in range(0, len(q), CHUNK):
             part = slice(first, first + CHUNK)
@@ -247,9 +260,13 @@ class InverseDynamicModel(Value):
                 torque[part] = np.tensordot(parameters, stack, axes=1).T
         return read_only(torque)
 
-    def mass_matrix(self, q: Array, parameters: Array) -> Array:
-        """(N, n, n) of standard parameters (p) at poses (N, n), motor inertias included."""
-        rest = np.zeros_like(q)
+    def mass_matrix(self, q: ArrayLike, parameters: ArrayLike) -> Array:
+        """(N, n, n) of standard parameters (p) at poses (N, n), motor inertias included.
+
+        Raises:
+            InputError: Shapes that do not fit the model.
+        """
+        rest = np.zeros_like(q, dtype=np.float64)
         weight = self.inverse_dynamics(q, rest, rest, parameters)
         pushes = np.eye(self.robot.joints)
         torques = [self.inverse_dynamics(q, rest, rest + push, parameters) for push in pushes]
@@ -259,17 +276,21 @@ class InverseDynamicModel(Value):
         """Torques (N, n) without the regressor, where every column is one of a block."""
         state = in_lanes(self.motion(q, dq, ddq))
         out, first = np.empty(state.shape[1:]), 10 * self.robot.joints
-        values = np.array(parameters, dtype=np.float64)
-        links = values[:first].reshape(-1, 10)
+        links = parameters[:first].reshape(-1, 10)
         torque_kernel(*self.constants, links, turns(state[0]), state, out)
         for block, count in zip(self.blocks, self.counts, strict=True):
-            part = values[first : first + count]
+            part = parameters[first : first + count]
             block.add_torque(self.robot, state[1], state[2], part, out)
             first += count
         return out[:, : len(q)].T
 
-    def known_torque(self, q: Array) -> Array:
-        """Torques (N, n) of the counterbalances at positions q (N, n)."""
+    def known_torque(self, q: ArrayLike) -> Array:
+        """Torques (N, n) of the counterbalances at positions q (N, n).
+
+        Raises:
+            InputError: A shape that does not fit the robot.
+        """
+        q = frozen(q, shape=(None, self.robot.joints), name="q", finite=False)
         torque = np.zeros(q.shape)
         for spring in self.robot.counterbalances:
             torque[:, spring.joint] += spring.torque(q[:, spring.joint])

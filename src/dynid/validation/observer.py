@@ -42,10 +42,17 @@ class ContactThresholds(Value):
     samples: int
     """N, samples of free motion they come from."""
 
-    def contacts(self, residual: Array, dq: Array) -> Mask:
-        """(N, n) whether a joint is touched, for residuals and velocities (N, n) in a row."""
-        row = np.searchsorted(self.speeds, recent_speed(dq), side="right") - 1
-        return np.abs(residual) > self.limits[row, np.arange(self.limits.shape[1])]
+    def contacts(self, residual: ArrayLike, dq: ArrayLike) -> Mask:
+        """(N, n) whether a joint is touched, for residuals and velocities (N, n) in a row.
+
+        Raises:
+            InputError: Shapes that do not fit the robot or each other.
+        """
+        joints = self.limits.shape[1]
+        size = np.abs(frozen(residual, shape=(None, joints), name="residual", finite=False))
+        speed = recent_speed(frozen(dq, shape=size.shape, name="dq", finite=False))
+        row = np.searchsorted(self.speeds, speed, side="right") - 1
+        return size > self.limits[row, np.arange(joints)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,9 +77,14 @@ class MomentumObserver:
         object.__setattr__(self, "estimate", open_estimate(estimate))
         object.__setattr__(self, "bandwidth", bandwidth)
 
-    def momentum(self, q: Array, dq: Array) -> tuple[Array, Array]:
-        """Momentum p and C' dq, each (N, n), at q and dq (N, n)."""
+    def momentum(self, q: ArrayLike, dq: ArrayLike) -> tuple[Array, Array]:
+        """Momentum p and C' dq, each (N, n), at q and dq (N, n).
+
+        Raises:
+            InputError: Shapes that do not fit the robot or each other.
+        """
         rigid, parameters = _rigid(self.estimate)
+        q, dq, _ = rigid.states(q, dq, dq)
         still = np.zeros_like(q)
         weight = rigid.inverse_dynamics(q, still, still, parameters)
         own = rigid.inverse_dynamics(q, still, dq, parameters) - weight
