@@ -159,6 +159,22 @@ def test_what_is_no_recording_is_said() -> None:
         dynid.identify(["run.csv"], "ur5")
     with pytest.raises(InputError, match="not a recording or its file"):
         dynid.identify([3], "ur5")  # type: ignore[list-item]
+    q = np.zeros((9, 6))
+    for wrong in ({"t": q, "q": q}, q, [q, q]):
+        with pytest.raises(InputError, match=r"Numbers in memory: dynid\.ExperimentRecord"):
+            dynid.identify(wrong, "ur5")  # type: ignore[arg-type]
+
+
+def test_degrees_in_arrays_are_refused_as_those_of_files_are(
+    record: ExperimentRecord, alone: dynid.Identification
+) -> None:
+    wrong = replace(record, signals={**record.signals, "q": np.degrees(record.signals["q"])})
+    for call in (
+        lambda: dynid.identify(wrong, "ur5", PAPER),
+        lambda: dynid.validate(alone.estimate, wrong),
+    ):
+        with pytest.raises(InputError, match=r"cannot be radians.*numpy\.radians"):
+            call()
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar, cast
 
+import numpy as np
+
 from dynid.core import (
     Finding,
     InputError,
@@ -27,6 +29,7 @@ from dynid.recording.formats import FORMATS, content_kind, unpacked
 from dynid.recording.isolation import read_isolated, serve
 from dynid.recording.jointstates import bag_files, read_bag
 from dynid.recording.record import ExperimentRecord, with_gains
+from dynid.recording.repair.joints import refuse_degrees
 from dynid.recording.repair.pipeline import repair
 from dynid.recording.store import fitted, partial_path, read_own
 from dynid.recording.stored import LONG, AnyRecording, StoredRecording, open_stored, stored_rows
@@ -39,6 +42,9 @@ _EXTENSIONS = tuple(
 )
 
 
+_IN_MEMORY = "Numbers in memory: dynid.ExperimentRecord(t=T, signals={'q': Q, ...})."
+
+
 def _given_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
     """The files that a user means: themselves, those of a bag, or the one in a folder.
 
@@ -47,11 +53,8 @@ def _given_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
     """
     if isinstance(paths, Mapping) or hasattr(paths, "__array__"):
         # A table of pandas is a sequence of its column names.
-        raise RecordError(
-            "this is no file of a recording",
-            value=type(paths).__name__,
-            next_step="Numbers in memory: dynid.ExperimentRecord(t=T, signals={'q': Q, ...}).",
-        )
+        kind = type(paths).__name__
+        raise RecordError("this is no file of a recording", value=kind, next_step=_IN_MEMORY)
     files = [Path(paths)] if isinstance(paths, (str, Path)) else [Path(path) for path in paths]
     if not files:
         raise RecordError("no recording was given")
@@ -331,8 +334,14 @@ def open_record(
     """
     if isinstance(record, ExperimentRecord):
         found = fitted(record, robot)
+        try:
+            refuse_degrees(RawTable(rows=np.arange(found.samples), signals=found.signals), robot)
+        except UnclearRecordError as error:
+            step = "If they are degrees, give numpy.radians(q)."
+            raise error.changed(next_step=step) from error
     elif not isinstance(record, str | Path):  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise InputError("not a recording or its file", value=type(record).__name__)
+        kind = type(record).__name__
+        raise InputError("not a recording or its file", value=kind, next_step=_IN_MEMORY)
     else:
         _refuse_results(Path(record))
         try:
@@ -357,7 +366,8 @@ def as_list(records: One | Sequence[One]) -> list[One]:
     """One or several recordings as a list."""
     if isinstance(records, ExperimentRecord | StoredRecording | str | Path):
         return [cast("One", records)]
-    return list(records)
+    one = isinstance(records, Mapping) or hasattr(records, "__array__")
+    return [cast("One", records)] if one else list(records)
 
 
 def open_several(
