@@ -1,7 +1,7 @@
 """Column blocks: what stands beside the inertial columns of the regressor.
 
-A block says which columns it adds, fills them and differentiates them. A term of single joints is
-one word in `terms.TERMS`, one row in `JOINT_TERMS` and one test against its formula.
+A block says which columns it adds, fills them and differentiates them. What a new term of single
+joints needs is in docs/architecture.md.
 """
 
 from abc import ABC, abstractmethod
