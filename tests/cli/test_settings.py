@@ -11,7 +11,7 @@ from dynid.constraints import PRESETS
 from dynid.core import InputError, in_python
 from dynid.excitation import CRITERIA
 from dynid.identification import ESTIMATORS, PURPOSES
-from dynid.recording.formats import FORMATS
+from dynid.recording import FORMATS
 from dynid.settings import options_of
 from dynid.trajectory import FAMILY_NAMES
 

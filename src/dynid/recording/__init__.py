@@ -2,6 +2,7 @@
 
 from dynid.recording.cells import factor_of as factor_of
 from dynid.recording.columns import parse_columns as parse_columns
+from dynid.recording.formats import FORMATS as FORMATS
 from dynid.recording.formats import content_kind as content_kind
 from dynid.recording.formats import recording_name as recording_name
 from dynid.recording.headers import match_headers as match_headers
