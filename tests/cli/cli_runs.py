@@ -49,6 +49,7 @@ class Outcome:
         def refuse(word: str) -> None:
             raise AssertionError(f"{word} in JSON")
 
+        assert self.out, self.err
         return json.loads(self.out, parse_constant=refuse)
 
 

@@ -423,13 +423,14 @@ def test_a_dashboard_whose_line_never_ends_is_given_up(
     assert line.now < 2 * CONNECT_S
 
 
-def test_the_slowest_answer_counts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One of them alone passed a network that loses packets."""
+@pytest.mark.parametrize(("late", "told"), [(3, 0.0), (7, 0.3)])
+def test_the_usual_answer_counts(monkeypatch: pytest.MonkeyPatch, late: int, told: float) -> None:
+    """One that was late passed for a slow network, one that was not for a fast one."""
     line = Line(ANSWERS)
-    line.times.append(0.3)
+    line.times += [0.3] * late + [0.0] * (10 - late)
     connected(monkeypatch, line)
     state = inspect("127.9.9.9")
-    assert state.round_trip_s == pytest.approx(0.3)
+    assert state.round_trip_s == pytest.approx(told)
     assert (state.model, state.freedrive) == ("", False)
 
 

@@ -282,7 +282,7 @@ _STEPS = {
 }
 """What to do about each thing that is not as it must be, where its finding does not say it."""
 _ANSWER_S = 1 / WATCHDOG_HZ
-"""What one lost packet costs, a round trip at least, must not starve the watchdog [s]."""
+"""A lost packet costs a round trip at least, which must not starve the watchdog [s]."""
 
 
 @dataclass(frozen=True, slots=True)

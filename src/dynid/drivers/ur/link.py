@@ -5,6 +5,8 @@ import threading
 import time
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager, suppress
+from itertools import pairwise
+from statistics import median
 
 from dynid.core import JobError
 from dynid.protocol import Framer, Kind, Numbers, Packet, ProtocolError, Recipe, dashboard, rtde
@@ -15,7 +17,7 @@ SILENCE_S = 2.0
 """After this long without a package the connection counts as cut [s]."""
 _CHUNK = 1 << 16
 _LOOKS = 10
-"""Answers of which the slowest counts: the network is not always as fast."""
+"""Answers of which the median counts: a computer with other work is late once or twice."""
 _WHO = "Check its address: is it a UR controller?"
 
 
@@ -53,18 +55,17 @@ class RtdeLink:
         reply = self._ask(Kind.GET_URCONTROL_VERSION, rtde.frame(Kind.GET_URCONTROL_VERSION))
         return rtde.read_software_version(reply)
 
-    def slowest_answer(self) -> float:
-        """How long the network and the controller take for an answer, the slowest of some [s].
+    def answer_time(self) -> float:
+        """How long the network and the controller take for an answer, median of some [s].
 
         Raises:
             JobError: There is none.
         """
-        asked, slowest = time.monotonic(), 0.0
+        times = [time.monotonic()]
         for _ in range(_LOOKS):
             self._ask_version()
-            answered = time.monotonic()
-            asked, slowest = answered, max(slowest, answered - asked)
-        return slowest
+            times.append(time.monotonic())
+        return median(b - a for a, b in pairwise(times))
 
     @property
     def rate_hz(self) -> float:

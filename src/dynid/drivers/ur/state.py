@@ -169,7 +169,7 @@ class ControllerState:
     tcp_offset: Array | None = None
     """(3) the tool's point in the flange's frame [m]; None if it does not say."""
     round_trip_s: float = 0.0
-    """How long it took to answer, the slowest of some [s]: so late a stop arrives."""
+    """How long it takes to answer, median of some [s]: so late a stop arrives."""
     freedrive: bool = False
     """Whether somebody presses the teach button, to move the arm by hand."""
 
@@ -183,7 +183,7 @@ def inspect(host: str) -> ControllerState:
     with closing(RtdeLink(host)) as link:
         names = [name for name in _ASKED if OUTPUTS[name].exists_in(link.version[:3])]
         recipe = link.ask_outputs(names)
-        version, rate_hz, round_trip_s = link.version, link.rate_hz, link.slowest_answer()
+        version, rate_hz, round_trip_s = link.version, link.rate_hz, link.answer_time()
         link.start()
         values = recipe.by_name(link.packages()[-1])
     model, remote = _dashboard(host, version)
