@@ -220,7 +220,8 @@ def _settings_to_try(
         cutoffs = [settings.cutoff_hz]
     else:
         lowest = 10.0 / _duration(recordings)
-        cutoffs = [f for f in CUTOFFS_HZ if lowest <= f <= highest] or [highest]
+        # Stamps give rates like 124.9999999, of which 50 Hz is in reach.
+        cutoffs = [f for f in CUTOFFS_HZ if lowest <= f <= highest * (1 + 1e-6)] or [highest]
     exact = settings.period_s is not None or any(r.qd is None for r in recordings)
     sources = ["position"] if exact else ["position", "measured"]
     return tuple(
