@@ -286,6 +286,28 @@ def test_the_order_of_recordings_changes_nothing() -> None:
     assert one.motion_condition_number == other.motion_condition_number
 
 
+@pytest.mark.parametrize("slower", [0.0, 1e-9])
+def test_stamps_whose_last_digit_is_off_try_the_same_cut_offs(slower: float) -> None:
+    """Four fifths of the Nyquist frequency of 125 Hz are 50 Hz, which is one of them."""
+
+    class Enough(Exception):
+        pass
+
+    tried: set[float] = set()
+
+    def tell(what: str, share: float) -> None:
+        if what == "cut-off":
+            tried.add(share)
+        elif tried:
+            raise Enough
+
+    record = recording(1)
+    with pytest.raises(Enough):
+        identify(replace(record, t=(1.0 + slower) * record.t), ur5(), progress=tell)
+    # 2, 3, 4.5, 7, 10, 15, 22, 33 and 50 Hz.
+    assert len(tried) == 9
+
+
 def test_an_unknown_purpose_is_refused() -> None:
     with pytest.raises(InputError, match="purpose"):
         IdentifySettings(purpose="something")
