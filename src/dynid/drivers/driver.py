@@ -102,8 +102,8 @@ class Watchdog:
         limits: Where the joints may be.
         rate_hz: Control cycles a second.
         total: Number of set points; indices run from 0 to one less.
-        slack: By how much an index may be off the one that is due: nought where the controller
-            counts, more where set points are streamed to it.
+        slack: By how much an index may be off the one that is due, one a cycle from the first on:
+            nought where the controller counts, more where set points are streamed to it.
         way: (k, n) way points to the first set point and that itself, straight ways between them;
             None where nobody moves the arm there.
     """
@@ -122,6 +122,7 @@ class Watchdog:
         self._last = total - 1
         self._slack = slack
         self._before: Cycle | None = None
+        self._due = -1
         self._way, self._patience = way, math.inf
         self._fastest = np.where(np.isnan(limits.velocity), np.inf, limits.velocity)
         self.gaps = 0
@@ -146,9 +147,7 @@ class Watchdog:
         if before is None and cycle.index < 0:
             return abort or self._place(cycle) or self._approach(cycle)
         self._before = cycle
-        return (
-            abort or self._clock(cycle, before) or self._order(cycle, before) or self._place(cycle)
-        )
+        return abort or self._clock(cycle, before) or self._order(cycle) or self._place(cycle)
 
     def _approach(self, cycle: Cycle) -> Abort | None:
         """Another program that takes the robot over moves it elsewhere, or nowhere."""
@@ -183,14 +182,14 @@ class Watchdog:
             f"{before.index}, where {1e3 / self._rate:.1f} ms were due",
         )
 
-    def _order(self, cycle: Cycle, before: Cycle | None) -> Abort | None:
-        due = 0 if before is None else before.index + 1
-        if abs(cycle.index - due) <= self._slack:
+    def _order(self, cycle: Cycle) -> Abort | None:
+        self._due += 1
+        if abs(cycle.index - self._due) <= self._slack:
             return None
         why = "another program has taken the robot over, or the controller was late"
         if self._slack:
             why = "set points came late: the network is slow, or this computer is busy"
-        what = f"the sample index jumped to {cycle.index}, where {due} was due"
+        what = f"the sample index is {cycle.index}, where {self._due} was due"
         return Abort("index", f"{what}; {why}")
 
     def _place(self, cycle: Cycle) -> Abort | None:
