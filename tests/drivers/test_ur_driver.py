@@ -57,6 +57,13 @@ def test_the_state_is_what_the_controller_is(controller: RunningController) -> N
     assert (state.temperature > 20).all()
 
 
+def test_old_software_is_not_asked_for_its_model() -> None:
+    """That it does not understand the question was taken for the name of its model."""
+    with controller_process("ur5", host=own_address(), software="3.11.0") as old:
+        state = inspect(old.host)
+    assert (state.version[:2], state.model, state.remote) == ((3, 11), "", None)
+
+
 @pytest.fixture(scope="module")
 def three(controller: RunningController) -> tuple[Outcome, ListRecorder]:
     recorder = ListRecorder()

@@ -6,6 +6,7 @@ from dynid.protocol.dashboard import RobotStatus as RobotStatus
 from dynid.protocol.dashboard import RuntimeState as RuntimeState
 from dynid.protocol.dashboard import SafetyMode as SafetyMode
 from dynid.protocol.dashboard import SafetyStatus as SafetyStatus
+from dynid.protocol.dashboard import known_to as known_to
 from dynid.protocol.dashboard import value as value
 from dynid.protocol.fields import IN_USE as IN_USE
 from dynid.protocol.fields import INPUTS as INPUTS

@@ -8,7 +8,7 @@ import numpy as np
 from dynid.core import Array, JobError, frozen
 from dynid.drivers.driver import QUANTITIES, Cycle
 from dynid.drivers.ur.link import Dashboard, RtdeLink
-from dynid.protocol import OUTPUTS, Numbers, Recipe, RobotStatus, Version, value
+from dynid.protocol import OUTPUTS, Numbers, Recipe, RobotStatus, Version, known_to, value
 
 INDEX, STATE = "output_int_register_24", "output_int_register_25"
 """Where our program writes the number of the sample, and what it is doing."""
@@ -223,9 +223,9 @@ def _dashboard(host: str, version: tuple[int, int, int, int]) -> tuple[str, bool
         # PolyScope X has no dashboard server; what it would say stays unknown.
         return "", None
     with closing(board):
-        model = value(board.ask("get robot model"))
-        remote = None
-        if version[:2] >= (5, 6):
-            remote = value(board.ask("is in remote control")).lower() == "true"
+        model, remote = (
+            value(board.ask(command)) if known_to(command, version[:2]) else ""
+            for command in ("get robot model", "is in remote control")
+        )
         board.ask("quit")
-    return model, remote
+    return model, remote.lower() == "true" if remote else None
