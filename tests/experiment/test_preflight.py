@@ -121,6 +121,19 @@ def test_a_design_beyond_the_limits_is_refused() -> None:
     assert "with the same options" in str(caught.value)
 
 
+def test_a_slow_pass_that_needs_more_torque_is_refused() -> None:
+    """It was never judged: at full speed the acceleration takes some of the gravity torque off."""
+    arm = with_tool(load_robot("ur10e"), payload=(12.5, 0, 0, 0.1))
+    judge, random = safe_constraints(arm, collision=False), np.random.default_rng(136954)
+    middle = random.uniform(-1.5, 1.5, 6) - 1.5 * np.eye(6)[1]
+    motion = rest_series(4.0, middle, 0.15 * random.normal(size=(6, 4)))
+    fast = ExperimentPlan(robot=arm, trajectory=motion)
+    assert check_design(fast, judge).worst["torque"].margin > 0.08
+    with pytest.raises(InputError, match=r"the slow pass .* torque \(elbow_joint\): 145\.6"):
+        check_design(replace(fast, slow=0.2), judge)
+    check_design(replace(fast, slow=0.9), judge)
+
+
 def test_a_way_to_the_start_beyond_the_limits_is_refused() -> None:
     far = replace(READY, q=PLAN.start + np.array([0, 0, 0, 0, 0, 9.0]))
     assert failed(far) == ["way to the start"]

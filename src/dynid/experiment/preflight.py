@@ -300,10 +300,10 @@ class PreflightCheck:
 def check_design(
     plan: ExperimentPlan, constraints: MotionConstraints, accepted: Collection[str] = ()
 ) -> Certificate:
-    """Certify the motion of a plan; accepted kinds need not be judged.
+    """Certify the motion of a plan, and its slow pass; accepted kinds need not be judged.
 
     Raises:
-        InputError: The motion breaks a limit or touches something, or that cannot be judged.
+        InputError: A motion breaks a limit or touches something, or that cannot be judged.
     """
     certificate = certify(plan.trajectory, constraints)
     missing = [item for item in certificate.unjudged if item.kind not in accepted]
@@ -321,6 +321,14 @@ def check_design(
             next_step="Design again, with --limits safe, for this robot, tool, payload, mounting "
             "and scene; dynid check with the same options shows every margin.",
         )
+    if plan.slow is not None:
+        # Gravity acts on it alone: an acceleration may take torque off the fast motion.
+        slow = certify(plan.passes()[0].execution.trajectory, constraints)
+        if not slow.holds:
+            raise InputError(
+                f"the slow pass must not run on {plan.robot.name}: {_broken(slow)}",
+                next_step="Run it with a larger share than --slow, or without a slow pass.",
+            )
     return certificate
 
 
