@@ -361,6 +361,7 @@ class Line:
         self.now, self._answers, self._talk = 0.0, answers, talk
         self._waiting, self.times = b"", [0.0] * 4
         """Of the first answers; the others take 0.1 s."""
+        self.closed = False
 
     def monotonic(self) -> float:
         return self.now
@@ -387,7 +388,8 @@ class Line:
     def gettimeout(self) -> float:
         return SILENCE_S
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        self.closed = True
 
 
 def connected(monkeypatch: pytest.MonkeyPatch, line: Line) -> None:
@@ -428,6 +430,7 @@ def test_a_dashboard_whose_line_never_ends_is_given_up(
     ):
         Dashboard("127.9.9.9")
     assert line.now < 2 * CONNECT_S
+    assert line.closed
 
 
 @pytest.mark.parametrize(("late", "told"), [(3, 0.0), (7, 0.3)])

@@ -279,10 +279,12 @@ class Dashboard:
         self.host = host
         self._socket = connect(host, dashboard.PORT)
         self._rest = b""
-        greeting = self._read()
-        if "Dashboard" not in greeting:
+        try:
+            if "Dashboard" not in (greeting := self._read()):
+                raise JobError("this is no dashboard server", where=host, value=greeting)
+        except BaseException:
             self.close()
-            raise JobError("this is no dashboard server", where=host, value=greeting)
+            raise
 
     def ask(self, command: str) -> str:
         """The answer to a command.
