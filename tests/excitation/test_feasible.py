@@ -89,6 +89,14 @@ def test_an_arm_that_cannot_hold_itself_is_refused_at_once() -> None:
     check_room(safe_constraints(arm()), region_of(problem(arm(), safe=True)))
 
 
+def test_a_clearance_that_the_arm_never_has_is_named() -> None:
+    """Only the scene was doubted, where there is none."""
+    robot = load_robot("ur5")
+    message = refused(safe_constraints(robot, clearance=0.03), problem(robot, safe=True))
+    assert message.startswith("upperarm 3 - mounting plane: no free pose")
+    assert message.endswith("clearance.")
+
+
 def test_a_scene_without_room_is_refused_with_the_bodies_that_meet() -> None:
     sides = [
         {"type": "wall", "point": [0.17 * x, 0.17 * y, 0], "normal": [-x, -y, 0]}

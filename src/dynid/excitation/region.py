@@ -205,7 +205,7 @@ _NEXT = {
     "self_collision": "Check the payload's size and place (metres, in the flange's frame), the"
     " bodies of the robot and --clearance.",
     "environment": "Check the scene: metres, in the robot's base frame; shapes are solid. The"
-    " floor is at the mounting plane unless --floor says otherwise.",
+    " floor is at the mounting plane unless --floor says otherwise. Or lower --clearance.",
     "torque": "Check the torque limits, the masses and the payload; the prediction counts doubt and"
     " friction in.",
 }
