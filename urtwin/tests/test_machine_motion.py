@@ -30,6 +30,22 @@ def machine(arm: SimulatedArm) -> ControllerMachine:
     return ControllerMachine(arm, pose=START)
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        "speedl([0.1, 0, 0, 0, 0, 0], -0.5, 0.5)",
+        "servoc(p[0.3, 0.3, 0.3, 0, 0, 0], 1.2, -0.25)",
+        "servoc(p[0.3, 0.3, 0.3, 0, 0, 0], -1.2, 0.25)",
+    ],
+)
+def test_a_tool_is_not_moved_backwards(machine: ControllerMachine, words: str) -> None:
+    """It went the other way, and with `speedl` faster and faster."""
+    machine.run_script(f"def p():\n  {words}\nend\n")
+    ticks(machine, 0.5)
+    assert any("acceleration" in text and "must be positive" in text for text in said(machine))
+    assert machine.output("target_qd") == [0.0] * 6
+
+
 def recorded(machine: ControllerMachine, text: str, *names: str) -> dict[str, Array]:
     """Outputs of every cycle, from the start of a script to its end."""
     machine.run_script(text)

@@ -267,6 +267,8 @@ def speed_tool(core: Core, xd: Value, a: Value = 1.2, t: Value = 0, aRot: Value 
     """
     a, t = number(a), number(t)
     wanted = np.array(numbers(xd, 6, "speeds"))
+    if not a > 0.0:
+        raise InputError("acceleration must be positive", value=a)
     core.untune()
     mover, arm = object(), core.arm
     cycles = _cycles(core, t)
@@ -316,6 +318,8 @@ def servo_tool(core: Core, pose: Value, a: Value = 1.2, v: Value = 0.25, r: Valu
     `r` is not used.
     """
     a, v = number(a), number(v)
+    if not (a > 0.0 and v > 0.0):
+        raise InputError("speed and acceleration of a move must be positive", value=(v, a))
     end = to_matrix(numbers(pose, 6, "a pose"))
     core.untune()
     arm = core.arm
