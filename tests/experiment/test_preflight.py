@@ -93,6 +93,9 @@ def test_an_e_series_robot_needs_an_e_series_controller() -> None:
     e_series = replace(READY, version=(5, 11, 0, 0), rate_hz=500.0, remote=True)
     assert failed(e_series, plan) == []
     assert failed(replace(e_series, version=(3, 15, 0, 0)), plan) == ["model"]
+    # Such a controller has a switch, but nobody who tells it.
+    silent = looked(plan, replace(e_series, model="", remote=None))
+    assert any(check.finding == "it does not say" for check in silent)
 
 
 def test_the_payload_asked_for_must_be_set_with_its_centre() -> None:

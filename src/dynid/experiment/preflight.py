@@ -339,7 +339,7 @@ def check_robot(
     mode = mode_name(RobotMode, state.robot_mode)
     safety = mode_name(SafetyMode, state.safety_mode)
     program = mode_name(RuntimeState, state.runtime_state)
-    remote = {None: "no such switch", True: "on", False: "off: switch it on at the pendant"}
+    remote = {None: "it does not say", True: "on", False: "off: switch it on at the pendant"}
     slider, speed = state.speed_fraction, float(np.abs(state.target_qd).max())
     late = state.round_trip_s
     return (

@@ -148,7 +148,7 @@ class ControllerState:
     model: str
     """What it calls its robot, such as `UR5`; empty if it does not say."""
     remote: bool | None
-    """Whether it may be controlled from outside; None if it has no such switch."""
+    """Whether it may be controlled from outside; None if it has no such switch or does not say."""
     rate_hz: float
     """Control cycles a second."""
     q: Array
