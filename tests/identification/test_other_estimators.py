@@ -37,7 +37,7 @@ from dynid.identification.problem import base_mapping, joint_factors, observatio
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import from_pseudo_inertia, is_physical, move, to_pseudo_inertia
-from dynid.signals import ProcessingSettings, process
+from dynid.signals import ProcessingSettings, joined, process
 from dynid.trajectory import random_excitation
 from dynid.workflow import IdentifySettings
 
@@ -228,6 +228,16 @@ def test_the_simulated_arm_follows_and_obeys_its_own_dynamics() -> None:
     torque = model.inverse_dynamics(simulated.q, simulated.dq, simulated.ddq, oracle()[1])
     error = torque - torques(series, t)
     assert np.sqrt(np.mean(np.square(error))) < 0.03 * np.sqrt(np.mean(np.square(torque)))
+
+
+def test_each_of_several_records_is_simulated_as_alone() -> None:
+    # They end and begin 3 rad apart.
+    parts = [process(recording(seed), ur5(), ProcessingSettings(cutoff_hz=15.0)) for seed in (0, 1)]
+    loop = ClosedLoop(model=InverseDynamicModel(robot=ur5()), parameters=oracle()[1])
+    together, alone = loop.simulate(joined(parts)), [loop.simulate(part) for part in parts]
+    for name in ("q", "dq", "ddq"):
+        expected = np.concatenate([getattr(part, name) for part in alone])
+        np.testing.assert_allclose(getattr(together, name), expected, rtol=0, atol=1e-9)
 
 
 def bias(

@@ -113,23 +113,23 @@ class ClosedLoop:
         rate = reference.rate_hz
         steps = max(1, int(np.ceil(1.0 / (rate * LARGEST_STEP_S))))
         length, settle = max(2, round(STRETCH_S * rate)), round(SETTLE_S * rate)
-        starts: list[int] = []
-        firsts: list[int] = []
-        for part in segments(reference.t, rate):
-            for start in range(part.start, part.stop, length):
-                starts.append(start)
-                firsts.append(max(part.start, start - settle))
+        # No stretch goes on into another record.
+        first, begin, end = np.array(
+            [
+                (max(part.start, start - settle), start, min(start + length, part.stop))
+                for part in segments(reference.t, rate)
+                for start in range(part.start, part.stop, length)
+            ]
+        ).T
         motion = (reference.q, reference.dq, reference.ddq)
         out = [np.array(x) for x in motion]
-        first, begin = np.array(firsts), np.array(starts)
-        end = np.minimum(begin + length, reference.count)
         q, dq, ddq = (x[first] for x in motion)
         for k in range(int((end - first).max())):
-            at = np.minimum(first + k, reference.count - 1)
+            at = np.minimum(first + k, end - 1)
             writing = (first + k >= begin) & (first + k < end)
             for target, value in zip(out, (q, dq, ddq), strict=True):
                 target[at[writing]] = value[writing]
-            ahead = np.minimum(at + 1, reference.count - 1)
+            ahead = np.minimum(at + 1, end - 1)
             for s in range(steps):
                 share = s / steps
                 aim = tuple((1 - share) * x[at] + share * x[ahead] for x in motion)
