@@ -240,6 +240,15 @@ def test_each_of_several_records_is_simulated_as_alone() -> None:
         np.testing.assert_allclose(getattr(together, name), expected, rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize("rates", [(500.0, 125.0), (125.0, 500.0)])
+def test_records_of_different_rates_are_simulated_at_one(rates: tuple[float, float]) -> None:
+    records = [recording(seed, rate=rate) for seed, rate in enumerate(rates)]
+    settings = IdentifySettings(estimator="iv", preset="paper", cutoff_hz=15.0)
+    estimate = identify(records, ur5(), settings).estimate
+    error = estimate.values - reduce_model(estimate.model).from_standard(oracle()[1])
+    assert np.sqrt(np.mean(np.square(error / estimate.std))) < 1.5
+
+
 def bias(
     problems: list[IdentificationProblem], values: list[np.ndarray], truth: np.ndarray
 ) -> float:

@@ -19,11 +19,12 @@ from dynid.signals import (
     NYQUIST_SHARE,
     ProcessingSettings,
     Samples,
+    at_one_rate,
     find_period,
     fold_periods,
     joined,
     measured_torque,
-    process,
+    samples_from,
     uniform_signals,
     was_smoothed,
 )
@@ -31,6 +32,14 @@ from dynid.signals import (
 REGIONS_FROM = 1e-2
 """Weight of the published inertias from which consistent bodies take it over: the motion leaves
 that much to the prior."""
+SIMULATED = ("ml", "iv", "didim")
+"""Estimators that follow the arm in a simulation, whose friction has no past."""
+
+
+def _word(settings: IdentifySettings) -> str | None:
+    """The word of the estimator, which may be a value."""
+    chosen = settings.estimator
+    return chosen.name if isinstance(chosen, identification.Estimator) else chosen
 
 
 def _estimator(
@@ -76,7 +85,7 @@ def choose(
     averaged: tuple[str, ...] = ()
     # Maximum likelihood has a noise of its own for each sample: no filter fits there. A filter
     # that one record has passed says nothing of the others.
-    smoothed = settings.estimator != "ml" and all(map(was_smoothed, recordings))
+    smoothed = _word(settings) != "ml" and all(map(was_smoothed, recordings))
     # For this motion its repetitions are what is left out: their average would hide how they
     # differ.
     if len(recordings) == 1 and settings.purpose == "anywhere":
@@ -87,8 +96,7 @@ def choose(
             repetitions = int(len(signals.t) / signals.rate_hz / period + 1e-6)
             recordings = [fold_periods(signals, period)]
             averaged = (f"average of {repetitions} periods of {period:g} s",)
-    # These follow the arm in a simulation, whose friction has no past.
-    simulated = settings.estimator in ("ml", "iv", "didim")
+    simulated = _word(settings) in SIMULATED
     left = ("friction without presliding: the estimator simulates the arm",) if simulated else ()
     chosen = identification.select(
         robot,
@@ -209,7 +217,11 @@ def prepare(
     if settings.preset == "best":
         choice, words = choose(records, robot, settings, processing, progress)
         processing = choice.settings
-    parts = [process(record, robot, processing) for record in records]
+    recordings = [uniform_signals(record, robot, processing) for record in records]
+    if _word(settings) in SIMULATED:
+        # Derivatives, spectra and simulations of all of them go by one rate.
+        recordings = at_one_rate(recordings)
+    parts = [samples_from(signals, processing) for signals in recordings]
     samples = parts[0] if len(parts) == 1 else joined(parts)
     friction = settings.terms or FrictionTerms() if choice is None else choice.friction
     estimator = _estimator(settings, robot, choice)
