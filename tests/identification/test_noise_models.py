@@ -11,7 +11,12 @@ from scipy.signal import lfilter
 
 from dynid import identify
 from dynid.core import Array
-from dynid.identification import IdentificationProblem, OrdinaryLeastSquares, hac_covariance
+from dynid.identification import (
+    HuberRegression,
+    IdentificationProblem,
+    OrdinaryLeastSquares,
+    hac_covariance,
+)
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.signals import ProcessingSettings, process
@@ -50,6 +55,18 @@ def test_intervals_cover_whatever_the_colour_of_the_noise(correlation: float, wh
         # The truth is zero: what is left is noise alone.
         hits.append(np.abs(fit.values) < 1.96 * std)
     assert 0.92 <= np.mean(hits) <= 0.995
+
+
+def test_deviations_of_robust_fits_allow_for_correlated_noise() -> None:
+    base = reduce_model(InverseDynamicModel(robot=ur5()))
+    samples = process(recording(3), ur5(), ProcessingSettings(cutoff_hz=8.0))
+    scores: list[Array] = []
+    for seed in SEEDS[:4]:
+        noise = _noise(seed, samples.count, 0.93, 0.0)
+        problem = IdentificationProblem(base=base, samples=replace(samples, tau=noise))
+        fit = HuberRegression().fit(problem)
+        scores.append(fit.values / np.sqrt(np.diag(hac_covariance(fit, problem))))
+    assert 0.8 < np.sqrt(np.mean(np.square(scores))) < 1.25
 
 
 def test_intervals_of_consistent_bodies_hold_the_truth() -> None:

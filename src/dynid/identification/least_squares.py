@@ -252,8 +252,8 @@ class HuberRegression(Estimator):
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""
         start = WeightedLeastSquares(prior_gain=self.prior_gain).fit(problem)
-        values, noise, information = start.values, start.noise, start.information
-        rows = np.ones((problem.samples.joints, problem.blocks))
+        values, noise = start.values, start.noise
+        rows = residual = np.ones((problem.samples.joints, problem.blocks))
         for _ in range(MOST_ROBUST):
             residual = problem.residual(values)
             noise = np.maximum(_spread(residual), 1e-12 * np.abs(residual).max(initial=1e-12))
@@ -266,12 +266,18 @@ class HuberRegression(Estimator):
             values = update
             if step <= SETTLED * size:
                 break
+        # Torques that are clipped hold no parameter: errors follow the clipped residuals over the
+        # share that is not (Huber 1981, chapter 7), half and more of residuals that centre on zero.
+        free, clipped = (rows == 1.0).mean(axis=1), rows * residual / noise[:, None]
+        free = np.maximum(free, 0.5)
+        level = float(free.mean() / np.square(clipped).mean())
+        held = joint_factors(problem) * np.sqrt(level * free)[:, None, None]
         return Fit(
             values=values,
             noise=noise,
             weights=1.0 / noise,
-            information=information,
-            row_weights=rows,
+            information=solve(held, 1.0 / noise, self.prior_gain)[1],
+            row_weights=level * rows,
         )
 
 

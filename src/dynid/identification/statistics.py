@@ -215,9 +215,11 @@ def hac_covariance(fit: Fit, problem: IdentificationProblem) -> Array:
     scores, residual = scores_of(
         problem.chunks(), problem.blocks, fit.values, fit.weights, fit.row_weights
     )
+    if fit.row_weights is not None:
+        residual = residual * fit.row_weights
     lag = correlation_lag(residual, problem.rate_hz)
     floor = np.diag(naive_covariance(fit))
-    if autocorrelation(residual, 1).max() > MODEL_CORRELATION and fit.row_weights is None:
+    if autocorrelation(residual, 1).max() > MODEL_CORRELATION:
         floor = np.maximum(floor, np.diag(ar_covariance(fit, problem, residual)))
     inverse = inverse_upper(fit.information)
     bread, long_run = inverse @ inverse.T, long_run_covariance(scores, lag)
