@@ -37,7 +37,7 @@ from dynid.identification.problem import base_mapping, joint_factors, observatio
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import from_pseudo_inertia, is_physical, move, to_pseudo_inertia
-from dynid.signals import ProcessingSettings, joined, process
+from dynid.signals import ProcessingSettings, Samples, joined, process
 from dynid.trajectory import random_excitation
 from dynid.workflow import IdentifySettings
 
@@ -282,7 +282,7 @@ def test_the_noise_of_the_motion_is_seen() -> None:
 def test_the_likelihood_has_its_gradient(problem: IdentificationProblem) -> None:
     noisy = problem_of(0, 30.0, position_noise=5e-5)
     start = WeightedLeastSquares().fit(noisy)
-    likelihood = Likelihood.of(noisy, start)
+    likelihood = Likelihood.of(noisy, start, slice(None))
     generator = np.random.default_rng(0)
     deviation = np.sqrt(np.diag(naive_covariance(start)))
     for _ in range(3):
@@ -297,11 +297,9 @@ def test_without_noise_in_the_motion_likelihood_is_weighted_least_squares() -> N
     problem = problem_of(cutoff=6.0)
     assert not motion_noise(problem.samples).any()
     fit = MaximumLikelihood().fit(problem)
-    pick = np.linspace(0, problem.samples.count - 1, min(1200, problem.samples.count)).astype(int)
     start = WeightedLeastSquares().fit(problem)
     a, b = dense(problem, 1 / start.noise)
-    rows = (np.arange(6)[:, None] * problem.samples.count + pick).ravel()
-    reference = np.linalg.lstsq(a[rows], b[rows], rcond=None)[0]
+    reference = np.linalg.lstsq(a, b, rcond=None)[0]
     deviation = np.sqrt(np.diag(naive_covariance(start)))
     assert (np.abs(fit.values - reference) / deviation).max() < 1e-4
 
@@ -313,6 +311,20 @@ def test_likelihood_beats_least_squares_on_noisy_motions(truth: np.ndarray) -> N
         for estimator in (OrdinaryLeastSquares(), MaximumLikelihood())
     )
     assert by_ml < 0.8 * by_ols
+
+
+def likelihood_scores(samples: Samples, truth: np.ndarray) -> np.ndarray:
+    base = reduce_model(InverseDynamicModel(robot=ur5()))
+    problem = IdentificationProblem(base=base, samples=samples)
+    fit = MaximumLikelihood().fit(problem)
+    return (fit.values - truth) / np.sqrt(np.diag(hac_covariance(fit, problem)))
+
+
+def test_likelihood_uses_every_instant_that_its_deviations_count(truth: np.ndarray) -> None:
+    settings = ProcessingSettings(cutoff_hz=15.0)
+    parts = [process(recording(seed, rate=500.0), ur5(), settings) for seed in (0, 1)]
+    scores = [likelihood_scores(part, truth) for part in parts]
+    assert np.sqrt(np.mean(np.square(scores))) < 1.5
 
 
 @pytest.mark.parametrize("word", ESTIMATORS)
