@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from known_robot import oracle, recording, torques, ur5
+from known_robot import NOISE, oracle, recording, torques, ur5
 
 from dynid import identify
 from dynid.identification import (
@@ -34,6 +34,7 @@ from dynid.identification import (
     solve_total,
 )
 from dynid.identification.problem import base_mapping, joint_factors, observation_root
+from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import from_pseudo_inertia, is_physical, move, to_pseudo_inertia
@@ -324,6 +325,18 @@ def test_likelihood_uses_every_instant_that_its_deviations_count(truth: np.ndarr
     settings = ProcessingSettings(cutoff_hz=15.0)
     parts = [process(recording(seed, rate=500.0), ur5(), settings) for seed in (0, 1)]
     scores = [likelihood_scores(part, truth) for part in parts]
+    assert np.sqrt(np.mean(np.square(scores))) < 1.5
+
+
+def test_scatter_between_periods_is_no_error_of_the_model(truth: np.ndarray) -> None:
+    settings = ProcessingSettings(cutoff_hz=15.0, period_s=10.0)
+    scores: list[np.ndarray] = []
+    for seed in (0, 1):
+        plain = recording(seed, seconds=30.0)
+        left_out = 2.0 * NOISE * np.sin(37.0 * plain.signals["q"])
+        signals = {**plain.signals, "effort": plain.signals["effort"] + left_out}
+        samples = process(ExperimentRecord(t=plain.t, signals=signals), ur5(), settings)
+        scores.append(likelihood_scores(samples, truth))
     assert np.sqrt(np.mean(np.square(scores))) < 1.5
 
 

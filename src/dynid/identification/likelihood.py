@@ -102,7 +102,15 @@ class MaximumLikelihood(Estimator):
         inverse = inverse_upper(root)
         values = values - inverse @ (inverse.T @ slope) / 2
         residual = problem.residual(values)
-        return replace(start, values=values, noise=residual.std(axis=1), information=root)
+        spread = likelihood.torque_noise + likelihood.passed
+        return replace(
+            start,
+            values=values,
+            noise=residual.std(axis=1),
+            # Scores are weighed as the information is: scatter between periods is no model error.
+            weights=np.sqrt(problem.samples.block / spread),
+            information=root,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,6 +125,8 @@ class Likelihood:
     """(n, N) [N.m or N]"""
     torque_noise: Array
     """(n) variance of the torques."""
+    passed: Array
+    """(n) variance that the noise of the motion adds to that, mean over the instants."""
     motion_covariance: Array
     """(3n, 3n) of q, dq, ddq at one instant."""
 
@@ -142,6 +152,7 @@ class Likelihood:
             slopes=slopes,
             torque=(samples.tau[pick] + base.model.known_torque(motion[0])).T,
             torque_noise=np.maximum(variance, TORQUE_SHARE * seen),
+            passed=passed,
             motion_covariance=covariance,
         )
 
