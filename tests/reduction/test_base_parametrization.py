@@ -295,3 +295,12 @@ def test_columns_beside_the_links_act_where_the_regressor_says(robot: str) -> No
     np.testing.assert_array_equal(filled[:own], beside[:own])
     assert not filled[own:].any()
     assert len(beside) - own == 3
+
+
+def test_a_sharp_stribeck_peak_stands_in_its_joints_panel() -> None:
+    # A hundredth is what sliding joints have by default [m/s].
+    friction = FrictionTerms(terms=(("fs", None), ("fv", None)), stribeck_velocity=0.01)
+    base = reduce_model(InverseDynamicModel(robot=load_robot("ur5"), friction=friction))
+    panels = gram_layout(base.model, base).panels
+    there = {base.names[k] for panel in panels for k in panel.columns}
+    assert {f"Fs{j + 1}" for j in range(6)} <= there

@@ -441,8 +441,9 @@ def gram_layout(model: InverseDynamicModel, base: BaseParametrization) -> GramLa
 def acting_joints(model: InverseDynamicModel) -> Array:
     """(p - 10 n, n) 1 where a column beside the inertial ones acts on a joint, else 0."""
     robot = model.robot
-    # What is zero at two unrelated states of full speed is zero everywhere.
+    # What is zero at two unrelated states is zero everywhere, but for what ends at higher speeds.
     speed = np.random.default_rng(0).uniform(0.5, 1.0, (2, robot.joints, 2))
+    speed *= np.minimum(np.min(model.friction.stribeck_velocity), 1.0)
     out = np.zeros((len(model.columns) - 10 * robot.joints, robot.joints, 2))
     model.fill_beside(speed[0], speed[1], out)
     # Load-dependent friction and ripple act on the joint that they are named after.
