@@ -113,6 +113,13 @@ def test_what_a_record_tells_of_itself_is_passed_on(records: list[ExperimentReco
     assert [stopped in one.warnings for one in found.shared.estimates] == [False, True]
 
 
+def test_a_tool_of_the_robot_is_part_of_the_last_link(records: list[ExperimentRecord]) -> None:
+    loaded = replace(ROBOT, tool=replace(ROBOT.tool, mass=4.0, com=np.array([0.0, 0.0, 0.1])))
+    robot = identify_shared(records[:1], loaded, SETTINGS).estimates[0].model.robot
+    assert robot.inertias[-1, 0] == ROBOT.inertias[-1, 0] + 4.0
+    assert robot.notes == ("link 6 includes 4 kg at the flange, as the robot file says",)
+
+
 def test_inertias_are_one_and_friction_each_record_s(records: list[ExperimentRecord]) -> None:
     shared = identify_shared(records, ROBOT, SETTINGS)
     first, _, last = shared.estimates

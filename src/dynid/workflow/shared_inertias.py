@@ -23,7 +23,7 @@ from dynid.recording import (
 )
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel, LoadFriction
-from dynid.robot import RobotLike, RobotModel, frame_map, from_body, load_robot
+from dynid.robot import RobotLike, RobotModel, frame_map, from_body, load_robot, with_carried
 from dynid.settings import IdentifySettings
 from dynid.signals import ProcessingSettings, Samples, process
 from dynid.validation import record_findings
@@ -100,7 +100,7 @@ def identify_shared(
         JobError: A singular problem.
     """
     settings = settings or IdentifySettings()
-    robot = load_robot(robot, mount=settings.mount, collision=False)
+    robot = with_carried(load_robot(robot, mount=settings.mount, collision=False))
     several = checked_records(open_several(records, robot))
     if not several:
         raise InputError("needs at least one record")
