@@ -349,3 +349,35 @@ def test_another_program_is_not_another_friction() -> None:
     assert told.p_value > 0.05
     speeds = np.array([[1.0, 0.5], [1.005, 0.5], [2.0, 0.1], [0.995, 0.503], [3.0, 0.1]])
     assert repeated_motions(speeds).tolist() == [0, 0, -1, 0, -1]
+
+
+PENDULUM = """
+[[joint]]
+name = "swing"
+rpy = [1.5707963267948966, 0.0, 0.0]
+
+[drives]
+gain = [{gain}]
+"""
+
+
+def test_other_gains_in_the_robot_s_file_are_other_torques(tmp_path: Path) -> None:
+    robot, t = tmp_path / "pendulum.toml", np.arange(1000) / 100.0
+    q = np.sin(2 * np.pi * 0.5 * t) + 0.3 * np.sin(2 * np.pi * 1.3 * t)
+    dq = np.gradient(q, t)
+    draw, current = np.random.default_rng(0), 2.0 * np.sign(dq) + dq + np.sin(q)
+    for day in range(2):
+        noisy = current + 0.01 * draw.normal(size=len(t))
+        record = dynid.ExperimentRecord(t=t, signals={"q": q[:, None], "current": noisy[:, None]})
+        place = tmp_path / "all" / "p" / f"2026-01-0{day + 1}"
+        place.mkdir(parents=True)
+        dynid.write_record(record, place / "swing.parquet")
+    settings = dynid.FleetSettings(robot=str(robot))
+    found: list[dict[str, float]] = []
+    for gain in (10.0, 20.0):
+        robot.write_text(PENDULUM.format(gain=gain))
+        result = dynid.fleet(tmp_path / "all", tmp_path / "out", settings)
+        assert result.computed == 2
+        table = parquet.read_table(tmp_path / "out" / "estimates.parquet").to_pylist()
+        found.append({row["name"]: row["value"] for row in table})
+    assert found[1]["Fc1"] == pytest.approx(2 * found[0]["Fc1"], rel=1e-6)

@@ -31,7 +31,7 @@ from dynid.identification import IdentificationProblem, RecordStatistics, record
 from dynid.recording import is_url, local_files, objects_below, open_record
 from dynid.reduction import BaseParametrization, reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
-from dynid.robot import load_robot
+from dynid.robot import load_robot, robot_to_json
 from dynid.signals import ProcessingSettings, process
 from dynid.workflow.recordings import known_gains, stored_robot
 
@@ -95,6 +95,9 @@ def read_folder(
         InputError: No such folder, a manifest that cannot be read, or a cache that cannot be
             written.
     """
+    # Files of robots may have changed since another call.
+    base_of.cache_clear()
+    _key.cache_clear()
     manifest, files = _looked_into(folder, cache.parent)
     found = list[FleetRecording]()
     skipped, seen = list[tuple[str, str]](), dict[str, str]()
@@ -183,8 +186,15 @@ def base_of(reference: str, terms: str, mount: str | None) -> BaseParametrizatio
 @lru_cache(maxsize=64)
 def _key(reference: str, terms: str) -> str:
     """What of model and settings a cached result depends on."""
-    robot = load_robot(reference, collision=False)
-    return content_hash([SCHEME, terms, robot.name, robot.placements.tolist(), robot.axes.tolist()])
+    stored = robot_to_json(load_robot(reference, collision=False))
+    return content_hash([SCHEME, terms, *(stored[name] for name in _DYNAMICS)])
+
+
+_DYNAMICS = (
+    "name", "joint_types", "placements", "axes", "parameter_frames", "default_frames", "gravity",
+    "drives", "counterbalances",
+)  # fmt: skip
+"""Of a robot, what torques and columns follow from."""
 
 
 def _placed(
