@@ -35,13 +35,14 @@ def write(
     factor: float,
     gain: float,
     mount: str = "file",
+    worn: int = WORN,
 ) -> None:
     draw = np.random.default_rng([day, len(name)])
     moved = motion(real.robot, "fourier", day % 2, RATE_HZ, LENGTH_S)
     rigid = real.torque(moved.q, moved.dq, moved.ddq)
     warm = 25.0 + 8.0 * draw.random(real.robot.joints)
     friction = real.friction(moved.dq, rigid, 1 / RATE_HZ) * np.exp(-0.02 * (warm - 29.0))
-    friction[:, WORN] *= factor
+    friction[:, worn] *= factor
     torque = rigid + friction + draw.normal(0, real.torque_noise, rigid.shape)
     torque[:, 0] *= gain
     record = dynid.ExperimentRecord(
@@ -90,6 +91,20 @@ def test_friction_that_rose_is_told_from_a_gain_that_drifted(found: dynid.Fleet)
     assert series is not None
     assert series.step_at == CHANGED
     assert series.per_kelvin / series.before == pytest.approx(-0.02, abs=0.01)
+
+
+def test_an_alarm_does_not_hide_what_the_gain_did(tmp_path: Path) -> None:
+    real = plant(dynid.load_robot("ur5"), 1)
+    for day in range(DAYS):
+        factor, gain = (1.7, 1.1) if day >= CHANGED else (1.0, 1.0)
+        write(tmp_path / "all", "a", real, day, factor=factor, gain=gain, worn=0)
+    result = dynid.fleet(tmp_path / "all", tmp_path / "out")
+    (alarm,) = result.alarms
+    assert (alarm.alarm, alarm.joint) == ("friction_drift", 0)
+    assert alarm.control_p <= result.settings.false_alarms
+    assert alarm.control is not None
+    change = f"the torque of the inertias by {100 * alarm.control.change:+.1f} %"
+    assert [change in finding.message for finding in result.findings] == [True]
 
 
 def test_table_holds_shared_inertias_and_a_friction_state_a_day(found: dynid.Fleet) -> None:

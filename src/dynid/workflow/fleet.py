@@ -365,20 +365,21 @@ def _alarm(joint: identification.JointState) -> Finding:
     """An alarm as a finding."""
     step, low, high = joint.change_percent
     friction, control = joint.friction, joint.control
+    size = 100.0 * (control.change if control is not None else float("nan"))
     if joint.alarm == "friction_drift" and friction is not None:
         since = _moment(float(friction.time_s[friction.step_at]))
         return Finding(
             "friction_drift",
             f"{joint.robot}, {joint.name}: friction changed by {step:+.1f} % ({low:+.1f} to "
             f"{high:+.1f}) about {since:%Y-%m-%d %H:%M} UTC, "
-            f"p {joint.friction_p:.2g}; the inertias did not",
+            f"p {joint.friction_p:.2g}; the torque of the inertias by {size:+.1f} %, "
+            f"p {joint.control_p:.2g}",
             joints=(joint.joint,),
             value=step,
             std=(high - low) / (2 * identification.CONFIDENCE),
             unit="%",
             next_step="Check gear, brake and lubrication of this joint",
         )
-    size = 100.0 * (control.change if control is not None else float("nan"))
     return Finding(
         "torque_scale",
         f"{joint.robot}, {joint.name}: the torque of the inertias changed by {size:+.1f} %, "
