@@ -79,9 +79,9 @@ def _step(root: Array, white: Array, free: Array, weight: float) -> tuple[Array,
 
 
 NORMAL_95 = 1.959964
+"""Half a 95 % interval, in standard deviations."""
 SWAPPED = 5.0
 """A mass so many standard deviations below zero is no chance: recordings were swapped."""
-"""Half a 95 % interval, in standard deviations."""
 GAINS_OFF = 0.02
 """Standard deviation of a joint's drive gain, alike in all recordings (share)."""
 
