@@ -207,6 +207,21 @@ def test_delays_and_cut_off_of_the_estimate_are_used() -> None:
     assert validate(slow, record()).metrics.normalized_error > 2 * plain.metrics.normalized_error
 
 
+@pytest.mark.parametrize("jitter", [0.0, 0.1])
+def test_half_a_sample_of_delay_takes_no_noise_away(jitter: float) -> None:
+    """Torques between two samples would be means of both, with 0.71 of their noise."""
+    noisy, random = record(), np.random.default_rng(0)
+    t = noisy.t + jitter / RATE * random.uniform(-1.0, 1.0, len(noisy.t))
+    effort = noisy.signals["effort"] + 20.0 * random.normal(size=noisy.signals["effort"].shape)
+    noisy = replace(noisy, t=t, signals={**noisy.signals, "effort": effort})
+    settings = replace(estimate().settings, delays_s=(0.5 / RATE,) * 6)
+    late, plain = (
+        validate(replace(estimate(), settings=each), noisy).metrics.rmse
+        for each in (settings, estimate().settings)
+    )
+    np.testing.assert_allclose(late, plain, rtol=0.05)
+
+
 def test_a_window_counts_from_the_records_start() -> None:
     result = validate(estimate(), record(), start_s=4.0, stop_s=9.0)
     # Every recorded row of the window is judged, its ends included.

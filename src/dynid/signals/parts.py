@@ -198,7 +198,7 @@ class LongSignals:
     @property
     def block(self) -> int:
         """Samples that identification averages over."""
-        return block_length(self.grid.rate_hz, self.cutoff_hz) if self.settings.decimate else 1
+        return block_length(self.grid.rate_hz) if self.settings.decimate else 1
 
     @property
     def used(self) -> slice:

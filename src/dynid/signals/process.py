@@ -37,7 +37,7 @@ class ProcessingSettings:
     stop_s: float | None = None
     """End of the window [s]."""
     decimate: bool = False
-    """Average torques and columns over blocks as long as the cut-off allows."""
+    """Average torques and columns over blocks of at least 4 ms."""
     period_s: float | None = None
     """Average over periods of this length [s]."""
     torque_filter: TorqueFilter | None = None
@@ -94,6 +94,9 @@ class Samples(Value):
     """(n) torque noise from the scatter between periods [N.m], if there were periods."""
     torque_filter: TorqueFilter | None = None
     """The low-pass that the recorded torque has passed."""
+    late_s: Array | None = None
+    """(N, n) by how much torques are later than the motion beside them, where delays are no whole
+    samples and the torques stay as recorded [s]; None for not at all."""
 
     def __post_init__(self) -> None:
         freeze(self, t=(None,), q=(len(self.t), None))
@@ -188,9 +191,8 @@ def measured_torque(record: ExperimentRecord, robot: RobotModel) -> Array:
 
 TIME_CONSTANTS = 5.0
 """Cut from both ends: the filter has not settled there."""
-BLOCK_RATE_FACTOR = 20.0
-"""Blocks per period of the cut-off: shorter than anything that the motion can show."""
-LOWEST_BLOCK_RATE_HZ = 125.0
+BLOCK_RATE_HZ = 250.0
+"""Means of blocks where data are thinned, whatever the cut-off: errors of several compare."""
 MIN_SAMPLES = 16
 
 
@@ -266,7 +268,7 @@ def samples_from(
         dq=dq[keep],
         ddq=ddq[keep],
         tau=torque[keep],
-        block=block_length(rate, cutoff) if settings.decimate else 1,
+        block=block_length(rate) if settings.decimate else 1,
         rate_hz=rate,
         cutoff_hz=cutoff,
         noise=signals.noise,
@@ -351,10 +353,10 @@ def require_samples(count: int) -> None:
         )
 
 
-def block_length(rate: float, cutoff: float) -> int:
+def block_length(rate: float) -> int:
     """Samples that are averaged where data are thinned."""
     # Stamps give rates like 499.9999999.
-    return max(1, int(rate / max(BLOCK_RATE_FACTOR * cutoff, LOWEST_BLOCK_RATE_HZ) + 1e-6))
+    return max(1, int(rate / BLOCK_RATE_HZ + 1e-6))
 
 
 SAME_TIME = 1e-3
@@ -374,21 +376,30 @@ def samples_at_stamps(
         InputError: See `process`.
     """
     signals = uniform_signals(record, robot, settings)
-    samples = samples_from(signals, settings, trim=False)
+    samples = samples_from(signals, replace(settings, delays_s=None), trim=False)
     part = window(record.t, settings.start_s, settings.stop_s)
-    stamps = record.t[part]
-    step = 1.0 / signals.rate_hz
-    if len(stamps) == len(signals.t) and np.abs(stamps - signals.t).max() < SAME_TIME * step:
-        return samples
+    stamps, torque = record.t[part], signals.torque
     t: Array = stamps - float(stamps[0])
-    torque = measured_torque(record, robot)[part]
-    after = np.clip(np.searchsorted(samples.t, t), 1, samples.count - 1)
-    inside = (t >= samples.t[0]) & (t <= samples.t[-1])
-    # Between kept grid points that are no neighbours lies a gap.
-    inside &= samples.t[after] - samples.t[after - 1] < 1.5 * step
-    kept = t[inside]
-    tau = np.empty((len(kept), robot.joints))
-    for j, delay in enumerate(settings.delays_s or (0.0,) * robot.joints):
-        tau[:, j] = np.interp(kept + delay, t, torque[:, j])
-    q, dq, ddq = (linear(samples.t, part, kept) for part in (samples.q, samples.dq, samples.ddq))
-    return replace(samples, t=kept, q=q, dq=dq, ddq=ddq, tau=tau, block=1, noise=None)
+    step = 1.0 / signals.rate_hz
+    if len(stamps) != len(signals.t) or np.abs(stamps - signals.t).max() >= SAME_TIME * step:
+        torque = measured_torque(record, robot)[part]
+        after = np.clip(np.searchsorted(samples.t, t), 1, samples.count - 1)
+        inside = (t >= samples.t[0]) & (t <= samples.t[-1])
+        # Between kept grid points that are no neighbours lies a gap.
+        inside &= samples.t[after] - samples.t[after - 1] < 1.5 * step
+        kept = t[inside]
+        q, dq, ddq = (linear(samples.t, x, kept) for x in (samples.q, samples.dq, samples.ddq))
+        tau = torque[inside]
+        samples = replace(samples, t=kept, q=q, dq=dq, ddq=ddq, tau=tau, block=1, noise=None)
+    else:
+        t = signals.t - signals.t[0]
+    if settings.delays_s is None or not any(settings.delays_s):
+        return samples
+    if len(settings.delays_s) != robot.joints:
+        raise InputError("one delay a joint", value=len(settings.delays_s), limit=robot.joints)
+    # The nearest sample: a mean of two has less noise than was recorded.
+    want = samples.t[:, None] + np.array(settings.delays_s)
+    after = np.clip(np.searchsorted(t, want), 1, len(t) - 1)
+    nearest = after - (want - t[after - 1] < t[after] - want)
+    tau = np.take_along_axis(torque, nearest, axis=0)
+    return replace(samples, tau=tau, late_s=t[nearest] - want)

@@ -320,7 +320,12 @@ def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:
     state = motion_state(estimate.model, samples)
     model = estimate.predict(samples.q, samples.dq, samples.ddq, state)
     rows = samples.rows
-    predicted = read_only(samples.as_recorded(model.T).T[rows])
+    predicted: Array = samples.as_recorded(model.T).T
+    if samples.late_s is not None:
+        own, predicted = predicted, np.empty_like(predicted)
+        for j, late in enumerate(samples.late_s.T):
+            predicted[:, j] = np.interp(samples.t + late, samples.t, own[:, j])
+    predicted = read_only(predicted[rows])
     measured, dq = samples.tau[rows], samples.dq[rows]
     limits = estimate.model.robot.limits
     moving = np.abs(dq) > np.fmin(MOVING_SPEED, MOVING_SHARE * limits.velocity)
