@@ -170,7 +170,7 @@ def delay(_: str, seed: int) -> tuple[str, dict[str, Array]]:
 def main() -> None:
     """Print a line a recording, and how many intervals hold."""
     asked = argparse.ArgumentParser(description=__doc__)
-    asked.add_argument("kind", choices=(*SETTINGS, "payload", "delays"))
+    asked.add_argument("kind", nargs="?", default="known", choices=(*SETTINGS, "payload", "delays"))
     asked.add_argument("--seed", type=int, default=1)
     asked.add_argument("--count", type=int, default=12)
     words = asked.parse_args()

@@ -42,10 +42,14 @@ def test_lost_rows_are_not_made_up() -> None:
 
 def test_a_delay_moves_the_torque() -> None:
     record = irregular(recording(0, noise=0.0))
-    late = ProcessingSettings(cutoff_hz=20.0, delays_s=(0.008,) * 6)
+    late = ProcessingSettings(cutoff_hz=20.0, delays_s=(0.0072,) * 6)
     samples = samples_at_stamps(record, ur5(), late)
-    expected = np.interp(samples.t + 0.008, record.t - record.t[0], record.signals["effort"][:, 1])
-    np.testing.assert_allclose(samples.tau[:, 1], expected, rtol=0, atol=1e-9)
+    assert samples.late_s is not None
+    stamps, want = record.t - record.t[0], samples.t + 0.0072
+    apart = np.abs(stamps - want[:, None])
+    rows = apart.argmin(axis=1)
+    np.testing.assert_array_equal(samples.tau, record.signals["effort"][rows])
+    np.testing.assert_allclose(samples.late_s[:, 1], stamps[rows] - want, rtol=0, atol=1e-9)
 
 
 @pytest.mark.long
