@@ -55,6 +55,10 @@ def client(host: str, folder: Path, *more: str) -> Iterator[subprocess.Popen[str
     )
     try:
         yield process
+    except AssertionError as error:
+        process.kill()
+        error.add_note(f"the client said: {process.communicate()[1][-2000:]}")
+        raise
     finally:
         process.kill()
         process.communicate()
