@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from known_arm import RATE, estimate, record, samples
+from known_arm import RATE, estimate, record, samples, samples_without_torque
 
 from dynid.core import InputError
 from dynid.identification.selection.assessment import Assessment
@@ -205,6 +205,18 @@ def test_delays_and_cut_off_of_the_estimate_are_used() -> None:
     slow = replace(estimate(), settings=replace(estimate().settings, cutoff_hz=0.2))
     plain = validate(estimate(), record())
     assert validate(slow, record()).metrics.normalized_error > 2 * plain.metrics.normalized_error
+
+
+def test_a_prediction_comes_as_late_as_the_torque_between_samples() -> None:
+    here, delay = record(), 2.5 / RATE
+    motion = samples_without_torque(here.t - 40.0 - delay, stop=False)
+    torque = estimate().predict(motion.q, motion.dq, motion.ddq)
+    late = replace(here, signals={**here.signals, "effort": torque})
+    exact, half_off = (
+        validate(replace(estimate(), settings=each), late).metrics.rmse
+        for each in (replace(estimate().settings, delays_s=(by,) * 6) for by in (delay, 2.0 / RATE))
+    )
+    assert (exact < 0.6 * half_off).all()
 
 
 @pytest.mark.parametrize("jitter", [0.0, 0.1])

@@ -370,7 +370,8 @@ def samples_at_stamps(
 
     A record that is uniform already gives the samples of `process`, and its ends. For a jittered
     one the grid holds more points than were recorded, and their torques are averages of
-    neighbours: both would flatter a prediction error.
+    neighbours: both would flatter a prediction error. So would torques between two samples: with
+    a delay the nearest sample stands, and `late_s` tells what is left.
 
     Raises:
         InputError: See `process`.
