@@ -207,7 +207,8 @@ def test_the_network_comes_back_under_a_stream(
             client(host, tmp_path, "--method", "servoj", "--json") as process,
         ):
             speeds = observer.layout.places["actual_qd"]
-            observer.wait_for(lambda package: max(map(abs, package[speeds])) > 10 * STILL)
+            # ur_rtde may take 20 s for its connection, and for each call.
+            observer.wait_for(lambda package: max(map(abs, package[speeds])) > 10 * STILL, 60.0)
             cable.silent.set()
             over = float(observer.column("timestamp")[-1]) + SILENCE_S + 0.3
             observer.wait_for(lambda package: observer.number(package, "timestamp") > over)

@@ -297,8 +297,10 @@ def test_no_program_of_ur_rtde_is_left_where_the_recording_cannot_begin(
     assert called == ["stopScript", "close"]
 
 
+# Where it stands after 45 s, if the arm does not move.
 APPROACHES = """
-import sys
+import faulthandler, sys
+faulthandler.dump_traceback_later(45)
 from dataclasses import replace
 from gentle_motion import MIDDLE, gentle_execution
 from dynid.drivers import ServojDriver, inspect
@@ -313,7 +315,8 @@ def test_the_way_to_the_start_ends_with_the_process() -> None:
     with controller_process("ur5", host=own_address()) as running, Observer(running.host) as seen:
         words = [sys.executable, "-c", APPROACHES, running.host]
         with subprocess.Popen(words, cwd=Path(__file__).parent) as process:
-            seen.wait_for(lambda row: abs(seen.number(row, "target_qd")) > 0.9 * APPROACH)
+            # ur_rtde may take 20 s for its connection, and for each call.
+            seen.wait_for(lambda row: abs(seen.number(row, "target_qd")) > 0.9 * APPROACH, 60.0)
             process.kill()
         seen.wait_for(lambda row: abs(seen.number(row, "target_qd")) < STILL)
         q = seen.column("target_q")
