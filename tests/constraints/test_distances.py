@@ -1,3 +1,4 @@
+import itertools
 from dataclasses import replace
 
 import coal
@@ -69,6 +70,22 @@ def test_parallel_crossing_and_degenerate_bodies() -> None:
     pairs = np.array([[0, k] for k in range(1, 6)] + [[4, 4]])
     own = bodies.distances(np.zeros((1, 2)), pairs)
     np.testing.assert_allclose(own[0], [0.3, 0.8, -0.2, 0.8, 0.9, -0.2], atol=1e-9)
+
+
+def test_depths_of_bodies_whose_centres_are_in_line() -> None:
+    """The origin lies on the first edge or face of their difference: depths were zero."""
+    cube = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+    diamond = np.concatenate([np.eye(3), -np.eye(3)])
+    centres = [0, 0, 0], [0.5, 0, 0], [0, 1.4, 0], [0.3, 0.3, 0.3], [1.2, 1.2, 1.2]
+    points = [cube, diamond, *(cube / 2 + centre for centre in centres)]
+    bodies = [Body(name="x", link=0, points=p, radius=0.0) for p in points]
+    # One that may meet another.
+    bodies.append(Body(name="y", link=2, points=points[0], radius=0.0))
+    judge, _ = judged(replace(random_arm(2, 0, slides=False), bodies=tuple(bodies)))
+    pairs = np.array([[0, 2], [0, 3], [0, 4], [0, 5], [0, 6], [0, 1], [1, 1], [1, 2]])
+    deep = [1.5, 1.0, 0.1, 1.2, 0.3, 2.0, 2 / 3**0.5, 2**0.5]
+    own = judge.distances(np.zeros((1, 2)), pairs)
+    np.testing.assert_allclose(own[0], np.negative(deep), rtol=0, atol=WITHIN)
 
 
 SHAPES = {

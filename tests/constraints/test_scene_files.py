@@ -10,7 +10,9 @@ from chains_for_constraints import random_arm
 from dynid.constraints import (
     BOX,
     HALF_SPACE,
+    SPHERE,
     ConstraintSettings,
+    Shape,
     safe_constraints,
     scene_from_json,
 )
@@ -68,6 +70,12 @@ def test_a_scene_file_is_read(tmp_path: Path) -> None:
 def test_a_wrong_shape_is_named(shape: Any, message: str) -> None:
     with pytest.raises(InputError, match=message):
         scene(shape)
+
+
+def test_a_pose_that_scales_or_mirrors_is_refused() -> None:
+    for diagonal in ([2, 2, 2, 1], [1, 1, -1, 1]):
+        with pytest.raises(InputError, match="ball: a placement is not a rotation"):
+            Shape(name="ball", kind=SPHERE, pose=np.diag(diagonal), size=[0.1, 0, 0])
 
 
 def test_a_shape_that_no_pose_comes_near_is_told() -> None:

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -80,6 +82,13 @@ def test_unknown_positions_count_as_half_a_turn() -> None:
     q, _, _ = dense_peaks(random_excitation(unknown, seed=0, margin=1.0))
     assert (q >= bounds.lower - 1e-9).all()
     assert (q <= bounds.upper + 1e-9).all()
+
+
+def test_infinite_positions_count_as_half_a_turn() -> None:
+    """Of a joint that turns without end; the mean position was not a number."""
+    endless = MotionBounds(lower=[-np.inf], upper=[np.inf], velocity=[1.0], acceleration=[2.0])
+    half_a_turn = replace(endless, lower=[-np.pi], upper=[np.pi])
+    assert random_excitation(endless, seed=0) == random_excitation(half_a_turn, seed=0)
 
 
 def test_a_joint_without_room_stands_still() -> None:

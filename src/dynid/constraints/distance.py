@@ -15,6 +15,8 @@ from dynid.core import Array, Indices
 
 _WITHIN = 1e-14
 """Relative error of a distance; that of its direction is as the root of it."""
+_ON_SIMPLEX = 1e-9
+"""Distance below which the origin lies on a simplex [m]."""
 _DEPTH_WITHIN = 1e-13
 """Error of a depth [m]."""
 _STEPS = 64
@@ -171,6 +173,37 @@ def _reduce(rows: Array, count: int, share: Array, three: Array, normal: Array) 
 
 
 @njit(cache=True, error_model="numpy")
+def _completed(
+    points: Array, a: Indices, b: Indices, turn: Array, place: Array, rows: Array, count: int
+) -> bool:
+    """Add corners of A - B to a simplex (count, 6) until it has four; False where A - B is flat."""
+    axis = np.array([1.0, 0.0, 0.0])
+    while count < 4:
+        if count == 2:
+            x, y, z = rows[1, 0] - rows[0, 0], rows[1, 1] - rows[0, 1], rows[1, 2] - rows[0, 2]
+            # Across the edge: the cross product with z or x that is not short.
+            if abs(x) > abs(z):
+                axis[0], axis[1], axis[2] = y, -x, 0.0
+            else:
+                axis[0], axis[1], axis[2] = 0.0, z, -y
+        elif count == 3:
+            _normal(rows[0], rows[1], rows[2], axis)
+        size = math.sqrt(_dot(axis, axis))
+        if size == 0.0:
+            return False
+        for r in range(3):
+            axis[r] /= size
+        height = _dot(axis, rows[0])
+        if _corner(points, a, b, turn, place, axis, rows[count]) - height < _ON_SIMPLEX:
+            for r in range(3):
+                axis[r] = -axis[r]
+            if _corner(points, a, b, turn, place, axis, rows[count]) + height < _ON_SIMPLEX:
+                return False
+        count += 1
+    return True
+
+
+@njit(cache=True, error_model="numpy")
 def separation(
     points: Array,
     a: Indices,
@@ -201,7 +234,9 @@ def separation(
             y += share[k] * work[k, 1]
             z += share[k] * work[k, 2]
         last, far = far, math.sqrt(x * x + y * y + z * z)
-        if far < 1e-9 or far >= last:
+        if far < _ON_SIMPLEX and _completed(points, a, b, turn, place, work, count):
+            return -_depth(points, a, b, turn, place, axis, touch, work)
+        if far < _ON_SIMPLEX or far >= last:
             break
         axis[0], axis[1], axis[2] = -x / far, -y / far, -z / far
         low = -_corner(points, a, b, turn, place, axis, work[count])
@@ -213,7 +248,8 @@ def separation(
         touch[r] = 0.0
         for k in range(count):
             touch[r] += share[k] * work[k, 3 + r]
-    return far
+    # Flat hulls in one plane that cross: no depth, but no touching either.
+    return far if far >= _ON_SIMPLEX else -_ON_SIMPLEX
 
 
 @njit(cache=True, error_model="numpy")

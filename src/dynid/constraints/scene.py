@@ -8,7 +8,15 @@ from typing import Any, cast
 import numpy as np
 
 from dynid.core import Array, InputError, JsonFields, MotionBounds, freeze
-from dynid.robot import Body, RobotModel, box_points, cylinder_points, from_axes, from_xyz_rpy
+from dynid.robot import (
+    Body,
+    RobotModel,
+    box_points,
+    cylinder_points,
+    from_axes,
+    from_xyz_rpy,
+    require_rigid,
+)
 
 HALF_SPACE, BOX, CYLINDER, SPHERE = 0, 1, 2, 3
 KINDS = ("half-space", "box", "cylinder", "sphere")
@@ -21,8 +29,8 @@ class Shape:
     A half-space is what lies below its own xy plane; a cylinder stands along its own z axis.
 
     Raises:
-        InputError: An unknown kind, sizes that are not positive and finite, or a shape that is
-            hundreds of metres large or away: one in millimetres.
+        InputError: An unknown kind, sizes that are not positive and finite, a pose that scales or
+            mirrors, or a shape that is hundreds of metres large or away: one in millimetres.
     """
 
     name: str
@@ -38,6 +46,7 @@ class Shape:
         if self.kind not in range(len(KINDS)):
             raise InputError("unknown kind of shape", where=self.name, value=self.kind)
         freeze(self, "shape", pose=(4, 4), size=(3,))
+        require_rigid(self.pose[None], self.name)
         needed = (0, 3, 2, 1)[self.kind]
         if not all(math.isfinite(x) and x > 0 for x in self.size[:needed]):
             said = "sizes must be positive"

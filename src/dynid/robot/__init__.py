@@ -44,6 +44,7 @@ from dynid.robot.transforms import is_physical as is_physical
 from dynid.robot.transforms import move as move
 from dynid.robot.transforms import parameter_frames as parameter_frames
 from dynid.robot.transforms import poses_at_zero as poses_at_zero
+from dynid.robot.transforms import require_rigid as require_rigid
 from dynid.robot.transforms import rotation_z as rotation_z
 from dynid.robot.transforms import tensor as tensor
 from dynid.robot.transforms import to_pseudo_inertia as to_pseudo_inertia

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from dynid.core import SMALLEST, Array, Mask, MotionBounds, RobotError, Value, freeze, frozen
 from dynid.robot.body import Body
-from dynid.robot.transforms import from_body
+from dynid.robot.transforms import from_body, require_rigid
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -304,7 +304,7 @@ class RobotModel(Value):
             raise RobotError("joint axes must have unit length", where=self.name)
         # All at once: a robot file makes a robot a table, and each is checked.
         poses = (self.placements, self.flange[None], *frames.values())
-        _check_transforms(np.concatenate(poses), self.name)
+        require_rigid(np.concatenate(poses), self.name)
         for name, length in (("limits", len(self.limits.lower)), ("drives", len(self.drives.gain))):
             if length != n:
                 raise RobotError(f"{name} for every joint", where=self.name, value=length, limit=n)
@@ -381,11 +381,3 @@ def with_carried(robot: RobotModel) -> RobotModel:
     )
     tool = replace(robot.tool, mass=0.0, com=np.zeros(3))
     return replace(robot, inertias=inertias, tool=tool, notes=(*robot.notes, note))
-
-
-def _check_transforms(matrices: Array, where: str) -> None:
-    rotations = matrices[:, :3, :3]
-    gram = rotations @ rotations.transpose(0, 2, 1)
-    rigid = np.allclose(gram, np.eye(3), atol=1e-6, rtol=0) and (np.linalg.det(rotations) > 0).all()
-    if not rigid or not np.array_equal(matrices[:, 3], np.tile([0.0, 0, 0, 1], (len(matrices), 1))):
-        raise RobotError("a placement is not a rotation and a translation", where=where)

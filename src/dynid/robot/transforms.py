@@ -153,6 +153,19 @@ def rotation_z(angle: float) -> Array:
     return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], dtype=np.float64)
 
 
+def require_rigid(matrices: Array, where: str) -> None:
+    """Refuse transforms (N, 4, 4) that scale, shear or mirror.
+
+    Raises:
+        RobotError: One is not a rotation and a translation.
+    """
+    rotations = matrices[:, :3, :3]
+    gram = rotations @ rotations.transpose(0, 2, 1)
+    rigid = np.allclose(gram, np.eye(3), atol=1e-6, rtol=0) and (np.linalg.det(rotations) > 0).all()
+    if not rigid or not np.array_equal(matrices[:, 3], np.tile([0.0, 0, 0, 1], (len(matrices), 1))):
+        raise RobotError("a placement is not a rotation and a translation", where=where)
+
+
 def from_xyz_rpy(xyz: Sequence[float], rpy: Sequence[float]) -> Array:
     """The transform of a URDF `origin`: three coordinates [m], then roll, pitch and yaw [rad].
 

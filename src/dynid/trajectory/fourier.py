@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -344,7 +344,8 @@ def random_excitation(
     the samples too. Collisions are not looked at.
 
     Args:
-        limits: Joint limits; unknown positions count as -pi to pi, other unknowns do not bind.
+        limits: Joint limits; unknown and infinite positions count as -pi to pi, other unknowns do
+            not bind.
         harmonics: Number of harmonics H, at least 2.
         period_s: Period [s].
         seed: Seed of the random numbers.
@@ -365,7 +366,9 @@ def random_excitation(
             stacklevel=3,
         )
         period_s = period
-    bounds = usable_bounds(limits, acceleration)
+    ends = {name: getattr(limits, name) for name in ("lower", "upper")}
+    ends = {name: np.where(np.isinf(end), np.nan, end) for name, end in ends.items()}
+    bounds = usable_bounds(replace(limits, **ends), acceleration)
     generator = np.random.default_rng(seed)
     spread = np.tile(1.0 / np.arange(1, harmonics + 1), 2)
     drawn = generator.standard_normal((bounds.joints, 2 * harmonics)) * spread
