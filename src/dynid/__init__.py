@@ -30,7 +30,6 @@ Every name below is loaded when it is first used, so `import dynid` costs nothin
 """
 
 import importlib
-import os
 import warnings
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
@@ -169,33 +168,6 @@ __all__ = sorted(["__version__", *_PACKAGES])  # pyright: ignore[reportUnsupport
 
 _RENAMED = {"Notice": "Finding"}
 """Names of release 0.1, for one release."""
-
-
-def _place_compiled_code(sources: str) -> None:
-    """Name a place for compiled kernels where Numba has none: sources and home are read-only.
-
-    It is this account's alone: what is read from there is run.
-    """
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    while not os.path.exists(home) and home != os.path.dirname(home):
-        home = os.path.dirname(home)
-    if "NUMBA_CACHE_DIR" in os.environ or any(os.access(at, os.W_OK) for at in (sources, home)):
-        return
-    from stat import S_ISDIR
-    from tempfile import gettempdir
-
-    place = os.path.join(gettempdir(), f"dynid-{os.getuid()}")
-    try:
-        os.makedirs(place, mode=0o700, exist_ok=True)
-        found = os.lstat(place)
-    except OSError:
-        return
-    if S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o77:
-        os.environ["NUMBA_CACHE_DIR"] = place
-
-
-if os.name == "posix":
-    _place_compiled_code(os.path.dirname(__file__))
 
 
 def __getattr__(name: str) -> Any:

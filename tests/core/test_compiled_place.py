@@ -1,13 +1,31 @@
-"""Where compiled kernels are kept for an account that may write neither sources nor its home."""
-
-from __future__ import annotations
+"""Where compiled kernels are kept, and that none outlives what it was compiled from."""
 
 import os
+import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
-import dynid
+from dynid.core import place_compiled
+
+INNER = """
+from dynid.core import compiled
+
+FACTOR = {factor}
+
+@compiled(cache=False)
+def inner(x: float) -> float:
+    return x + {more}
+"""
+OUTER = """
+from dynid.core import compiled
+from stale_inner import FACTOR, inner
+
+@compiled()
+def outer(x: float) -> float:
+    return FACTOR * inner(x)
+"""
 
 
 def placed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, writable: bool) -> str | None:
@@ -15,9 +33,9 @@ def placed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, writable: bool) -> s
     monkeypatch.setenv("NUMBA_CACHE_DIR", "")
     monkeypatch.delenv("NUMBA_CACHE_DIR")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "none"))
-    monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path))
-    monkeypatch.setattr(dynid.os, "access", lambda *_: writable)
-    dynid._place_compiled_code(str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr(os, "access", lambda *_: writable)
+    place_compiled()
     return os.environ.get("NUMBA_CACHE_DIR")
 
 
@@ -32,3 +50,20 @@ def test_the_place_is_this_accounts_alone(monkeypatch: pytest.MonkeyPatch, tmp_p
     # One that others may write to is not used: what is read from there is run.
     Path(place).chmod(0o777)
     assert placed(monkeypatch, tmp_path, writable=False) is None
+
+
+def test_a_kernel_is_compiled_again_where_another_file_has_changed(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    (tmp_path / "stale_outer.py").write_text(OUTER)
+    hits: list[int] = []
+    for factor, more, expected in ((2, 1, 8.0), (2, 1, 8.0), (3, 1, 12.0), (3, 2, 15.0)):
+        (tmp_path / "stale_inner.py").write_text(INNER.format(factor=factor, more=more))
+        for name in ("stale_inner", "stale_outer"):
+            monkeypatch.delitem(sys.modules, name, raising=False)
+        outer = import_module("stale_outer").outer
+        assert outer(3.0) == expected
+        hits.append(sum(outer.stats.cache_hits.values()))
+    assert hits == [0, 1, 0, 0], "only what has not changed is loaded"

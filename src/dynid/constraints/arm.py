@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 
-from dynid.core import Array, Indices, read_only
+from dynid.core import Array, Indices, compiled, read_only
 from dynid.regressor import FrictionTerms, InverseDynamicModel, torque_adjoint
 from dynid.robot import Body, RobotModel, from_body, inverse, joint_turns, move, tensor
 
@@ -63,7 +62,7 @@ def samples_of(values: Array) -> Array:
     return np.array(values, dtype=np.float64, order="C", ndmin=2)
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def place_joints(joints: Array, q: Array, turn: Array, origin: Array, axis: Array) -> None:
     """Write the joint frames at q (n) in the base frame.
 
@@ -93,14 +92,14 @@ def place_joints(joints: Array, q: Array, turn: Array, origin: Array, axis: Arra
             axis[i, r] = t0 * g[33] + t1 * g[34] + t2 * g[35]
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def place_point(turn: Array, origin: Array, point: Array, out: Array) -> None:
     """Write a point of one link in the base frame: turn (3, 3), origin (3), point (3)."""
     for r in range(3):
         out[r] = origin[r] + turn[r, 0] * point[0] + turn[r, 1] * point[1] + turn[r, 2] * point[2]
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def collect(
     origin: Array, axis: Array, prismatic: Indices, force: Array, moment: Array, out: Array
 ) -> None:

@@ -9,13 +9,12 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from dynid.constraints.arm import arm_geometry
 from dynid.constraints.collision import CollisionBodies, JudgedPairs, gap_of, place_bodies
 from dynid.constraints.distance import WORK
 from dynid.constraints.scene import HALF_SPACE, ConstraintSettings, Scene, body_of
-from dynid.core import Array, Indices, InputError, read_only
+from dynid.core import Array, Indices, InputError, compiled, read_only
 from dynid.robot import Body, RobotModel
 
 _MOST_CELLS = 40_000
@@ -65,7 +64,7 @@ def _searched(query: _DistanceQuery) -> float:
     return float(_least(joints, tuple(parts), *args))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _least(
     joints: Array,
     parts: Any,

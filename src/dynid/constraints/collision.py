@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from dynid.constraints.arm import ArmGeometry, collect, place_joints, place_point, samples_of
 from dynid.constraints.distance import WORK, gap_along, separation
-from dynid.core import Array, Indices
+from dynid.core import Array, Indices, compiled
 
 LENGTH = 0.1
 """The distance that counts as much as a limit exceeded by its whole value [m]."""
@@ -207,7 +206,7 @@ class CollisionBodies:
         )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def place_bodies(joints: Array, parts: Any, q: Array, turn: Array, origin: Array, axis: Array,
            centres: Array) -> None:  # fmt: skip
     """Write the joint frames, and the middles (B, 3) of the bodies in the base frame."""
@@ -217,7 +216,7 @@ def place_bodies(joints: Array, parts: Any, q: Array, turn: Array, origin: Array
         place_point(turn[link[b]], origin[link[b]], spheres[b, :3], centres[b])
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def gap_of(
     parts: Any,
     a: int,
@@ -294,7 +293,7 @@ def gap_of(
     )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _distances(joints: Array, parts: Any, pairs: Indices, q: Array, out: Array) -> None:
     """Write the distances (N, P)."""
     n = q.shape[1]
@@ -311,7 +310,7 @@ def _distances(joints: Array, parts: Any, pairs: Indices, q: Array, out: Array) 
             )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _nearest(
     joints: Array,
     parts: Any,
@@ -347,7 +346,7 @@ def _nearest(
         last = index
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _violation(
     joints: Array,
     prismatic: Indices,

@@ -9,9 +9,8 @@ kept by the caller, so that a far pair costs one look along it.
 import math
 
 import numpy as np
-from numba import njit
 
-from dynid.core import Array, Indices
+from dynid.core import Array, Indices, compiled
 
 _WITHIN = 1e-14
 """Relative error of a distance; that of its direction is as the root of it."""
@@ -26,7 +25,7 @@ WORK = _CORNERS + 4
 """Rows of the work array."""
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def gap_along(
     points: Array, a: Indices, b: Indices, turn: Array, place: Array, axis: Array
 ) -> float:
@@ -48,7 +47,7 @@ def gap_along(
     return place[0] * x + place[1] * y + place[2] * z + least - most
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _corner(
     points: Array, a: Indices, b: Indices, turn: Array, place: Array, axis: Array, row: Array
 ) -> float:
@@ -78,12 +77,12 @@ def _corner(
     return most - least - (place[0] * x + place[1] * y + place[2] * z)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _dot(a: Array, b: Array) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _normal(a: Array, b: Array, c: Array, out: Array) -> float:
     """Write (b - a) x (c - a); returns its squared length."""
     u0, u1, u2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -92,7 +91,7 @@ def _normal(a: Array, b: Array, c: Array, out: Array) -> float:
     return out[0] * out[0] + out[1] * out[1] + out[2] * out[2]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _near_edge(a: Array, b: Array) -> tuple[float, float]:
     """Squared distance of the origin from segment ab, and the share of b."""
     u0, u1, u2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -103,7 +102,7 @@ def _near_edge(a: Array, b: Array) -> tuple[float, float]:
     return x * x + y * y + z * z, t
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _near_face(a: Array, b: Array, c: Array, share: Array, normal: Array) -> float:
     """Squared distance of the origin from triangle abc; writes the shares (3) of its corners."""
     square = _normal(a, b, c, normal)
@@ -131,7 +130,7 @@ def _near_face(a: Array, b: Array, c: Array, share: Array, normal: Array) -> flo
     return far
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _reduce(rows: Array, count: int, share: Array, three: Array, normal: Array) -> int:
     """Keep the corners of a simplex (count, 6) that hold its point nearest to the origin.
 
@@ -172,7 +171,7 @@ def _reduce(rows: Array, count: int, share: Array, three: Array, normal: Array) 
     return left
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _completed(
     points: Array, a: Indices, b: Indices, turn: Array, place: Array, rows: Array, count: int
 ) -> bool:
@@ -203,7 +202,7 @@ def _completed(
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def separation(
     points: Array,
     a: Indices,
@@ -252,7 +251,7 @@ def separation(
     return far if far >= _ON_SIMPLEX else -_ON_SIMPLEX
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _depth(
     points: Array,
     a: Indices,
@@ -329,7 +328,7 @@ def _depth(
     return heights[nearest]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _add_face(
     rows: Array, i: int, j: int, k: int, faces: Indices, normals: Array, heights: Array, count: int
 ) -> int:

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from dynid.constraints.arm import ArmGeometry, arm_geometry, place_joints, place_point, samples_of
 from dynid.constraints.scene import ConstraintSettings
-from dynid.core import Array, Indices, Mask, MotionBounds, plain, read_only
+from dynid.core import Array, Indices, Mask, MotionBounds, compiled, plain, read_only
 from dynid.robot import STANDARD_GRAVITY, RobotModel
 
 
@@ -80,7 +79,7 @@ def _speeds(
     )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _norms(
     joints: Array,
     prismatic: Indices,

@@ -64,6 +64,8 @@ if TYPE_CHECKING:
     from dynid.core.json_fields import parse_json as parse_json
     from dynid.core.json_fields import plain as plain
     from dynid.core.json_fields import provenance_from_json as provenance_from_json
+    from dynid.core.kernels import compiled as compiled
+    from dynid.core.kernels import place_compiled as place_compiled
     from dynid.core.parallel import WorkerLost as WorkerLost
     from dynid.core.parallel import Workers as Workers
     from dynid.core.parallel import each as each
@@ -77,6 +79,7 @@ _LATER = {
         "read_arrays read_only scipy_part solve_upper upper_triangle write_arrays"
     ),
     "json_fields": "JsonFields load_object parse_json plain provenance_from_json",
+    "kernels": "compiled place_compiled",
     "parallel": "WorkerLost Workers each result_of told_to_stop workers",
 }
 """Module to the names of it that are loaded when they are first used."""

@@ -10,9 +10,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 
-from dynid.core import Array, Indices, upper_triangle
+from dynid.core import Array, Indices, compiled, upper_triangle
 from dynid.identification.problem import block_mean, chunk_size, motion_state, recorded_rows
 from dynid.identification.selection.gram import GramBlocks
 from dynid.identification.selection.regions import Regions
@@ -219,7 +218,7 @@ class PanelRows:
         return found
 
 
-@njit(cache=True, fastmath=True, error_model="numpy")
+@compiled(fastmath=True, error_model="numpy")
 def _add_scores(panel: Array, weighted: Array, columns: Indices, scores: Array) -> None:
     """Add the columns (m, T) behind a panel's torque, times weighted residuals (T)."""
     for k in range(len(columns)):

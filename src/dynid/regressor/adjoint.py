@@ -12,9 +12,8 @@ Weighted torques are the sum whose weights are the parameters times the multipli
 """
 
 import numpy as np
-from numba import njit
 
-from dynid.core import Array, InputError
+from dynid.core import Array, InputError, compiled
 from dynid.regressor.inertial import Places, every_row, in_lanes, turns
 from dynid.regressor.model import CHUNK, InverseDynamicModel
 from dynid.regressor.spatial import (
@@ -33,7 +32,7 @@ from dynid.regressor.spatial import (
 )
 
 
-@njit(cache=True, fastmath=REPEATABLE, boundscheck=False, error_model="numpy")
+@compiled(fastmath=REPEATABLE, boundscheck=False, error_model="numpy")
 def regressor_pullback(
     geom: Array,
     screw: Array,

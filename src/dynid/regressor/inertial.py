@@ -4,10 +4,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from dynid.core import Array
+from dynid.core import Array, compiled
 from dynid.regressor.spatial import (
     LANES,
     dot,
@@ -31,7 +30,7 @@ C4, C5, C6 = -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.1359647
 
 
 # Not fastmath, nor called from what is: the parts of half pi must not be added up.
-@njit(cache=True, boundscheck=False, error_model="numpy")
+@compiled(boundscheck=False, error_model="numpy")
 def cosines_sines(angles: Array, out: Array) -> None:
     """Write cosine and sine of angles (n, N) [rad] into out (2, n, N)."""
     rows, samples = angles.shape
@@ -64,7 +63,7 @@ Places = NDArray[np.int64]
 """Row numbers, below 0 for none."""
 
 
-@njit(cache=True, fastmath=True, boundscheck=False, error_model="numpy")
+@compiled(fastmath=True, boundscheck=False, error_model="numpy")
 def inertial_rows(
     geom: Array,
     screw: Array,
@@ -206,7 +205,7 @@ def inertial_rows(
                             out[place, first + x] = o[c, x]
 
 
-@njit(cache=True, fastmath=True, boundscheck=False, error_model="numpy")
+@compiled(fastmath=True, boundscheck=False, error_model="numpy")
 def torque_kernel(
     geom: Array, screw: Array, grav: Array, links: Array, turn: Array, state: Array, out: Array
 ) -> None:

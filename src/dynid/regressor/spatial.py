@@ -1,8 +1,6 @@
 """Spatial vectors of the recursions, several samples side by side (Featherstone, ch. 2)."""
 
-from numba import njit
-
-from dynid.core import Array
+from dynid.core import Array, compiled
 
 LANES = 16
 """Whole cache lines and several vector registers; 8 cost half as much again, 32 gain little."""
@@ -12,7 +10,7 @@ and the same code from its cache round differently, and a design would depend on
 Six = tuple[float, float, float, float, float, float]
 
 
-@njit(fastmath=REPEATABLE, error_model="numpy")
+@compiled(cache=False, fastmath=REPEATABLE, error_model="numpy")
 def motion_cross(a: Six, b: Six) -> Six:
     """`a x b` of two motions."""
     return (
@@ -25,7 +23,7 @@ def motion_cross(a: Six, b: Six) -> Six:
     )
 
 
-@njit(fastmath=REPEATABLE, error_model="numpy")
+@compiled(cache=False, fastmath=REPEATABLE, error_model="numpy")
 def force_cross(a: Six, f: Six) -> Six:
     """`a x* f` of a motion and a wrench, the negative transpose of a x."""
     return (
@@ -38,7 +36,7 @@ def force_cross(a: Six, f: Six) -> Six:
     )
 
 
-@njit(fastmath=REPEATABLE, error_model="numpy")
+@compiled(cache=False, fastmath=REPEATABLE, error_model="numpy")
 def momentum(link: Array, a: Six) -> Six:
     """I a, the inertia given by the ten parameters of a link."""
     m, mx, my, mz = link[0], link[1], link[2], link[3]
@@ -53,26 +51,26 @@ def momentum(link: Array, a: Six) -> Six:
     )
 
 
-@njit(fastmath=REPEATABLE, error_model="numpy")
+@compiled(cache=False, fastmath=REPEATABLE, error_model="numpy")
 def dot(a: Six, b: Six) -> float:
     """The power of a wrench and a motion."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 
 
-@njit(fastmath=REPEATABLE, error_model="numpy")
+@compiled(cache=False, fastmath=REPEATABLE, error_model="numpy")
 def read(block: Array, x: int) -> Six:
     """The vector of lane x of a (6, LANES) block."""
     return block[0, x], block[1, x], block[2, x], block[3, x], block[4, x], block[5, x]
 
 
-@njit(fastmath=REPEATABLE, error_model="numpy")
+@compiled(cache=False, fastmath=REPEATABLE, error_model="numpy")
 def write(block: Array, x: int, a: Six) -> None:
     """Store a vector in lane x of a (6, LANES) block."""
     block[0, x], block[1, x], block[2, x] = a[0], a[1], a[2]
     block[3, x], block[4, x], block[5, x] = a[3], a[4], a[5]
 
 
-@njit(fastmath=REPEATABLE, error_model="numpy")
+@compiled(cache=False, fastmath=REPEATABLE, error_model="numpy")
 def plus(a: Six, b: Six, factor: float) -> Six:
     """`a + factor b`."""
     return (
@@ -85,7 +83,7 @@ def plus(a: Six, b: Six, factor: float) -> Six:
     )
 
 
-@njit(fastmath=REPEATABLE, error_model="numpy")
+@compiled(cache=False, fastmath=REPEATABLE, error_model="numpy")
 def to_child(pose: Array, x: int, a: Six) -> Six:
     """A motion of the parent frame in the child frame; pose holds R row-major, then p."""
     p0, p1, p2 = pose[9, x], pose[10, x], pose[11, x]
@@ -102,7 +100,7 @@ def to_child(pose: Array, x: int, a: Six) -> Six:
     )
 
 
-@njit(fastmath=REPEATABLE, error_model="numpy")
+@compiled(cache=False, fastmath=REPEATABLE, error_model="numpy")
 def to_parent(pose: Array, x: int, f: Six) -> Six:
     """A wrench of the child frame in the parent frame, the transpose of `to_child`."""
     p0, p1, p2 = pose[9, x], pose[10, x], pose[11, x]
@@ -119,7 +117,7 @@ def to_parent(pose: Array, x: int, f: Six) -> Six:
     )
 
 
-@njit(fastmath=REPEATABLE, boundscheck=False, error_model="numpy")
+@compiled(cache=False, fastmath=REPEATABLE, boundscheck=False, error_model="numpy")
 def outward(
     geom: Array,
     screw: Array,
@@ -160,7 +158,7 @@ def outward(
             write(acc_here, x, plus(a, motion_cross(v, s), speed))
 
 
-@njit(fastmath=REPEATABLE, boundscheck=False, error_model="numpy")
+@compiled(cache=False, fastmath=REPEATABLE, boundscheck=False, error_model="numpy")
 def origin_motion(vel: Array, acc: Array, origin: Array, b: Array) -> None:
     """Classical acceleration (3, LANES) of a frame's origin and B = [dw]x + [w]x [w]x (9, LANES).
 

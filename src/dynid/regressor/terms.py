@@ -9,9 +9,8 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numba import njit
 
-from dynid.core import Array, InputError
+from dynid.core import Array, InputError, compiled
 
 Width = float | tuple[float, ...]
 """One speed for all joints, or one a joint [rad/s or m/s]; as a width, 0 gives the sign."""
@@ -126,7 +125,7 @@ def friction_state(q: Array, displacement: Array, *, periodic: bool = False) -> 
     return state[:, -samples:]
 
 
-@njit(cache=True)
+@compiled()
 def _follow(q: Array, displacement: Array, state: Array) -> None:
     last = q.shape[1] - 1
     for j in range(q.shape[0]):
@@ -144,7 +143,7 @@ def _follow(q: Array, displacement: Array, state: Array) -> None:
             before = after
 
 
-@njit(cache=True)
+@compiled()
 def _moved(z: float, step: float) -> float:
     """The state after a motion in one direction, in displacements."""
     if step > 0.0:

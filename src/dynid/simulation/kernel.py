@@ -4,9 +4,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
-from dynid.core import Array, InputError, require
+from dynid.core import Array, InputError, compiled, require
 from dynid.robot import RobotModel
 from dynid.simulation.joints import Servo, Target
 from dynid.simulation.truth import SimulatedArm, link_body, link_parameters
@@ -60,7 +59,7 @@ _SWEEPS = 100
 _TOLERANCE = 1e-12
 
 
-@njit(cache=True)
+@compiled()
 def plan_target(
     target: Array, setpoints: Array, rate: float, step: float, way: Array, speed: Array
 ) -> None:
@@ -92,7 +91,7 @@ def plan_target(
                 target[0, j], target[1, j] = place, pace
 
 
-@njit(cache=True)
+@compiled()
 def predict(qvel: Array, velocity: Array, acceleration: Array, step: float) -> None:
     """Show MuJoCo the velocity at the time of the position, and keep the true one aside.
 
@@ -108,7 +107,7 @@ def predict(qvel: Array, velocity: Array, acceleration: Array, step: float) -> N
         qvel[j] += 0.5 * step * acceleration[j]
 
 
-@njit(cache=True)
+@compiled()
 def drive(
     mass: Array,
     bias: Array,
@@ -210,7 +209,7 @@ def drive(
     return fastest
 
 
-@njit(cache=True)
+@compiled()
 def _slide(mass: float, push: float, dry: float, width: float) -> float:
     """The speed that solves mass u + dry tanh(u / width) = push."""
     goal = abs(push)
@@ -225,7 +224,7 @@ def _slide(mass: float, push: float, dry: float, width: float) -> float:
     return math.copysign(u, push)
 
 
-@njit(cache=True)
+@compiled()
 def _bristle(
     mass: float, push: float, step: float, level: float, stiffness: float, damping: float, z: float
 ) -> float:

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 
-from dynid.core import Array, Indices, Mask
+from dynid.core import Array, Indices, Mask, compiled
 
 HELD = 1e12
 """Stiffness that holds an unknown of unit columns at zero."""
@@ -147,7 +146,7 @@ class NormalEquations:
         return np.maximum(found, 0.0)
 
 
-@njit(cache=True)
+@compiled()
 def _add_products(
     matrix: Array, products: Array, unknowns: Indices, columns: Indices, factor: float
 ) -> None:
@@ -159,7 +158,7 @@ def _add_products(
                 matrix[cell, unknowns[a], unknowns[b]] += factor * product
 
 
-@njit(cache=True)
+@compiled()
 def _sum_errors(
     errors: Array, products: Array, columns: Indices, torque: int, values: Array
 ) -> None:
