@@ -85,6 +85,28 @@ def test_known_units_are_converted(
 
 
 @pytest.mark.parametrize(
+    ("names", "torque_factor"),
+    [
+        (("q [°] {}", "qd [°/s] {}", "tau [N.m] {}"), 1.0),
+        (("pos(deg)_{}", "vel(deg/s)_{}", "tau(kN.m)_{}"), 1e3),
+        (("pos [deg] J{}", "vel [deg/s] J{}", "tau [mNm] J{}"), 1e-3),
+    ],
+)
+def test_a_unit_may_stand_before_the_number(names: tuple[str, ...], torque_factor: float) -> None:
+    found = match_headers(["t", *(name.format(k) for name in names for k in JOINTS)])
+    assert found.columns["effort"] == list(range(13, 19))
+    degree = np.pi / 180
+    for quantity, factor in (("q", degree), ("qd", degree), ("effort", torque_factor)):
+        assert found.factors[quantity] == pytest.approx([factor] * 6), quantity
+
+
+def test_an_unknown_unit_before_the_number_is_refused() -> None:
+    columns = [name.format(k) for name in ("q{}", "tau [%] {}") for k in JOINTS]
+    with pytest.raises(RecordError, match="does not convert"):
+        match_headers(["t", *columns])
+
+
+@pytest.mark.parametrize(
     ("unit", "factor"),
     [
         ("rpm", 2 * np.pi / 60),

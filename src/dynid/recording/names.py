@@ -131,6 +131,10 @@ TARGET_OF = {
 
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z][a-z])")
 _BRACKET = re.compile(r"[\[({]([^\[\](){}]*)[\])}]\s*$")
+_UNIT_BEFORE_INDEX = re.compile(
+    r"\s*[\[({]([^\[\](){}]*)[\])}]"
+    r"(?=[\s_\-]*(?:joint|jnt|axis|achse|axe|gelenk|motor|j|a)?[\s_\-]*\d{1,3}$)"
+)
 _INDEX_LAST = re.compile(
     r"^(.*?)[\s_\-]*(?:(?<![a-z])(?:joint|jnt|axis|achse|axe|gelenk|j|a))?[\s_\-]*(\d{1,3})$"
 )
@@ -273,6 +277,9 @@ def parse_name(text: str, joints: Sequence[str] = ()) -> Name:
 def _brackets(name: str) -> tuple[str, int | None, str, str]:
     """A name without its brackets; the number, the unit, and any other text in them."""
     index, unit, inside = None, "", ""
+    if (match := _UNIT_BEFORE_INDEX.search(name)) and is_unit(match.group(1)):
+        # `vel [deg/s] 1`
+        unit, name = match.group(1).strip(), f"{name[: match.start()]} {name[match.end() :]}"
     while match := _BRACKET.search(name):
         text = match.group(1).strip()
         if text.isdecimal() and len(text) <= 3:
