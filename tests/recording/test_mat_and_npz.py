@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -220,8 +222,13 @@ def test_a_struct_called_after_degrees_is_not_converted(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("columns", [None, "t=log.t,q=log.pos,effort=log.tau[0:6]"])
+@pytest.mark.parametrize(
+    "written",
+    [str, np.bytes_, lambda unit: np.array([unit], "S"), lambda unit: np.array(6 * [unit], "S")],
+    ids=["text", "bytes", "array of one", "one a joint"],
+)
 def test_units_in_the_attributes_of_hdf5_arrays_are_converted(
-    tmp_path: Path, columns: str | None
+    tmp_path: Path, columns: str | None, written: Callable[[str], Any]
 ) -> None:
     library = pytest.importorskip("h5py")
     motion = Motion()
@@ -230,7 +237,7 @@ def test_units_in_the_attributes_of_hdf5_arrays_are_converted(
     with library.File(tmp_path / "run.h5", "w") as file:
         for name, (values, unit) in arrays.items():
             file[f"log/{name}"] = values
-            file[f"log/{name}"].attrs["units"] = unit
+            file[f"log/{name}"].attrs["units"] = written(unit)
     record = read_recording(tmp_path / "run.h5", columns=columns)
     assert record.problems == ()
     np.testing.assert_allclose(record.signals["q"], q, atol=1e-9)

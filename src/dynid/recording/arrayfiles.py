@@ -15,6 +15,7 @@ import zlib
 from dataclasses import dataclass, field, replace
 from datetime import date, datetime, time, timedelta
 from io import BytesIO
+from itertools import chain
 from pathlib import Path
 from typing import Any, cast
 
@@ -325,8 +326,9 @@ def _collect_hdf5(
     elif item.dtype.kind == "O" and holds_names(path):
         into.collect(item[()], path, depth)
     elif "MATLAB_empty" not in item.attrs and item.dtype.kind != "O":
-        unit = item.attrs.get("unit", item.attrs.get("units"))
-        mark = f" [{unit}]" if isinstance(unit, str) and unit else ""
+        # MATLAB and C write bytes, or an array of one text or of one a column.
+        units = {*chain(*_texts(item.attrs.get("unit", item.attrs.get("units"))))}
+        mark = f" [{units.pop()}]" if len(units) == 1 and "" not in units else ""
         into.collect(item[()], f"{path}{mark}", depth)
 
 
