@@ -72,6 +72,9 @@ def test_no_unit_that_says_it_is_guessed(name: str) -> None:
         ({"q": " [mrad]"}, "q", 1e-3),
         ({"time": "Time [min]"}, "t", 60.0),
         ({"time": "time_ms"}, "t", 1e-3),
+        # What brackets, an attribute or a column's type say precedes the name.
+        ({"time": "time_ns [ms]"}, "t", 1e-3),
+        ({"q": "_deg [mrad]"}, "q", 1e-3),
     ],
 )
 def test_known_units_are_converted(

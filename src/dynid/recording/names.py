@@ -362,7 +362,7 @@ def _unit_at_the_end(name: Name) -> Name:
         if meaning is None or (len(tail) == 1 and _ONE_LETTER.get(tail) != meaning[0]):
             continue
         if factor_of(meaning[0], tail) is not None:
-            return replace(name, base=stem, unit=tail)
+            return replace(name, base=stem, unit=name.unit or tail)
     return name
 
 
