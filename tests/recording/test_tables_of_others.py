@@ -135,14 +135,29 @@ def test_typed_tables(tmp_path: Path, lists: bool, write) -> None:
         check(read_recording(path, columns="t=0,q=1:7,effort=13:19"))
 
 
-@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
-def test_times_of_typed_tables(tmp_path: Path, unit: str) -> None:
-    ticks = np.round(MOTION.t * 1e3).astype("datetime64[ms]").astype(f"datetime64[{unit}]")
-    path = tmp_path / "x.parquet"
-    parquet.write_table(pa.table({**columns(False), "time": ticks}), path)
+@pytest.mark.parametrize(
+    "kind", ["datetime64[ms]", "datetime64[us]", "datetime64[ns]", "timedelta64[ns]"]
+)
+@pytest.mark.parametrize("suffix", [".parquet", ".npz"])
+def test_times_of_typed_tables(tmp_path: Path, kind: str, suffix: str) -> None:
+    ticks = np.round(MOTION.t * 1e3).astype("timedelta64[ms]")
+    if kind.startswith("datetime"):
+        ticks = ticks + np.datetime64("2024-03-01")
+    path = tmp_path / f"x{suffix}"
+    table = {**columns(False), "time": ticks.astype(kind)}
+    if suffix == ".npz":
+        np.savez(path, allow_pickle=False, **table)
+    else:
+        parquet.write_table(pa.table(table), path)
     record = read_recording(path)
     np.testing.assert_allclose(record.t, MOTION.t - MOTION.t[0], atol=1.1e-3)
     assert record.rate_hz == pytest.approx(125, rel=1e-3)
+
+
+def test_a_time_of_day_in_a_typed_table(tmp_path: Path) -> None:
+    ticks = pa.array(np.round(MOTION.t * 1e6).astype(np.int64), type=pa.time64("us"))
+    parquet.write_table(pa.table({**columns(False), "time": ticks}), tmp_path / "x.parquet")
+    check(read_recording(tmp_path / "x.parquet"))
 
 
 def test_a_typed_table_without_positions_names_its_columns(tmp_path: Path) -> None:

@@ -89,7 +89,7 @@ def _columns(name: str, column: Any) -> list[tuple[str, Array]]:
     """Name and numbers of a column, or of each item of its lists; nothing for text."""
     types = importlib.import_module("pyarrow.types")
     kind = column.type
-    if types.is_timestamp(kind):
+    if types.is_timestamp(kind) or types.is_duration(kind) or types.is_time64(kind):
         # Seconds as float64 are exact to a quarter of a microsecond.
         ticks = column.cast("int64", safe=False).to_numpy(zero_copy_only=False)
         scale = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[kind.unit]
@@ -197,7 +197,8 @@ class _Contents:
         elif np.asarray(value).dtype.kind == "O":
             self._collect_cells(value, path, depth)
         elif (array := numbers_of(value)) is not None and array.size:
-            self.arrays[path or "array"] = array
+            dated = np.asarray(value).dtype.kind in "mM"
+            self.arrays[f"{path} [s]" if dated else path or "array"] = array
 
     def _collect_list(self, rows: list[Any], path: str, depth: int) -> None:
         if rows and all(isinstance(row, dict) for row in rows):

@@ -119,8 +119,11 @@ def numbers_of(value: Any) -> Array | None:
     """A value as float64 array of one or two axes; None where it is none.
 
     Axes of length one, as Simulink and MATLAB have them, do not count, nor do imaginary parts.
+    Dates are in seconds since 1970, spans of time in seconds.
     """
     array: NDArray[Any] = np.asarray(value).squeeze()
+    if array.dtype.kind in "mM":
+        array = (array - np.zeros((), array.dtype)) / np.timedelta64(1, "s")
     if array.ndim > 2 or array.dtype.kind not in "fiubc":
         return None
     with np.errstate(all="ignore"):
