@@ -120,6 +120,7 @@ def test_ticks_are_round_and_lie_on_their_axis() -> None:
     assert [text for _, text in Axis(low=0.98, high=1.07).ticks(3)][:2] == ["0.98", "1.00"]
     assert [t for _, t in Axis(low=1e-6, high=1, log=True).ticks(3)] == ["10⁻⁶", "10⁻³", "10⁰"]
     assert [t for _, t in Axis(low=3, high=90, log=True).ticks(5)] == ["5", "10", "20", "50"]
+    assert [t for _, t in Axis(low=9e4, high=2.6e5).ticks(4)] == ["1e5", "1.5e5", "2e5", "2.5e5"]
     assert Axis(low=-4, high=4, bounds=True).ticks(2) == ((0.0, "±4"),)
     for low, high in ((0, 3), (-1e-3, 2e-3), (1e6, 3e6), (-7.3, -7.1)):
         axis = Axis(low=low, high=high)

@@ -149,7 +149,8 @@ def _round_step(least: float) -> float:
 
 def _tick(value: float, digits: int) -> str:
     if abs(value) >= 1e5:
-        return f"{value:.0e}".replace("e+0", "e").replace("e+", "e").replace("-", MINUS)
+        mantissa, power = f"{value:.5e}".split("e")
+        return f"{float(mantissa):g}e{int(power)}".replace("-", MINUS)
     return f"{value:.{digits}f}".replace("-", MINUS) if abs(value) > 1e-12 else "0"
 
 
