@@ -204,6 +204,15 @@ def test_limits_that_mean_nothing_are_unknown() -> None:
     assert any("0 to 0" in note for note in robot.notes)
 
 
+def test_a_limit_that_is_left_out_beside_the_other_is_zero() -> None:
+    for given, limits in (('lower="-1.5"', (-1.5, 0.0)), ('upper="0.5"', (0.0, 0.5))):
+        inside = f'<axis xyz="0 0 1"/><limit {given} effort="5" velocity="1"/>'
+        text = _links(chain(joint("j", "a", "b", inside=inside)), "ab")
+        robot, theirs = robot_from_urdf(text), pin.buildModelFromXML(text.decode())
+        assert (robot.limits.lower[0], robot.limits.upper[0]) == limits
+        assert (theirs.lowerPositionLimit[0], theirs.upperPositionLimit[0]) == limits
+
+
 @needs_models
 @pytest.mark.parametrize(
     ("name", "chains"),

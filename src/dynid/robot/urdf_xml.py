@@ -324,6 +324,10 @@ def _limits(
         return nan, nan, nan, nan
     lower = read_bound(found, "lower", where)
     upper = read_bound(found, "upper", where)
+    absent = [found.get(side) is None for side in ("lower", "upper")]
+    if absent[0] != absent[1]:
+        # By the format, one that is left out is zero.
+        lower, upper = (0.0, upper) if absent[0] else (lower, 0.0)
     if lower > upper:
         raise RobotError("lower limit above the upper one", where=where, value=lower, limit=upper)
     if kind == "continuous" or (lower == 0 == upper):
