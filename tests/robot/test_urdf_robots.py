@@ -149,6 +149,7 @@ def test_mimicking_branches_do_not_end_the_arm() -> None:
     robot = robot_from_urdf(_links(text, "abcdf"))
     assert robot.joint_names == ("j1", "j2", "j3")
     assert dict(robot.locked) == {"rod": 0.0}
+    assert any("torques" in note and "rod with j1" in note for note in robot.notes)
     # A hand of one driven and one mimicking finger does.
     text = chain(
         joint("j1", "a", "b"),

@@ -112,6 +112,16 @@ def _frozen(
     values = {j.name: asked.get(j.name, _followed(j, asked)) for j in rest}
     if rest:
         notes.append(f"joints frozen: {_listed([f'{k} at {v:g}' for k, v in values.items()])}")
+    carried = [
+        f"{j.name} with {j.mimic[0]}"
+        for j in rest
+        if j.mimic and j.mimic[0] in chosen and j.name not in asked
+    ]
+    if carried:
+        notes.append(
+            "frozen although they move with a joint of the arm, so that the torques of what they "
+            f"carry are wrong: {_listed(carried)}"
+        )
     free = [j.name for j in tree.joints.values() if j.kind in ("floating", "planar")]
     if free:
         notes.append(f"floating or planar joints taken as fixed: {_listed(free)}")
