@@ -17,10 +17,14 @@ from dynid.recording import (
     JOINT_QUANTITIES,
     ExperimentRecord,
     RecordMetadata,
+    open_record,
+    open_stored,
     read_record,
+    read_recording,
     write_record,
 )
 from dynid.recording.store import KEY
+from dynid.robot import load_robot
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 TEXT = st.text(max_size=12)
@@ -182,3 +186,34 @@ def test_damaged_description_is_one_error(tmp_path: Path, description: bytes) ->
     pq.write_table(table.replace_schema_metadata({KEY: description}), path)
     with pytest.raises(RecordError):
         read_record(path)
+
+
+@pytest.mark.parametrize(("prefix", "known"), [("", True), ("left_", True), ("my_", False)])
+def test_joints_by_name_where_the_recording_was_made_without_its_robot(
+    tmp_path: Path, prefix: str, known: bool
+) -> None:
+    """Drivers sort joints by letter and write a prefix before their names."""
+    robot = load_robot("ur5")
+    places = np.argsort(robot.joint_names)
+    given = tuple(f"{prefix}{robot.joint_names[k]}" for k in places)
+    names = given if known else tuple(f"{prefix}{k}" for k in range(6))
+    q = np.linspace(0, 1, 30)[:, None] * np.arange(6)
+    record = ExperimentRecord(
+        t=np.arange(30) / 125,
+        signals={"q": q, "effort": q + 1},
+        metadata=RecordMetadata(joint_names=names, drive_gains=tuple(np.arange(1.0, 7.0))),
+    )
+    write_record(record, tmp_path / "run.parquet")
+    expected = q[:, np.argsort(places)] if known else q
+    found = read_recording(tmp_path / "run.parquet", robot=robot)
+    stored = open_stored(tmp_path / "run.parquet", robot)
+    part = stored.part(0, 30, ["effort"])
+    for own in (found, open_record(record, robot), part):
+        np.testing.assert_array_equal(own.signals["q"], expected)
+    assert found.metadata.drive_gains == stored.metadata.drive_gains
+    assert found.metadata.joint_names == robot.joint_names
+    told = [problem.text for problem in found.problems]
+    assert told == [problem.text for problem in stored.problems]
+    assert len(told) == (0 if known else 1), told
+    # Once is enough.
+    assert open_record(found, robot).problems == found.problems

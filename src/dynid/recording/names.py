@@ -413,6 +413,15 @@ def places_of(wanted: Sequence[str], names: Sequence[str]) -> list[int]:
     return [there.index(prefix + joint) for joint in joints]
 
 
+def said_of_others(names: Sequence[str], wanted: Sequence[str], taken: str) -> str:
+    """What to tell of joint names that are not the wanted ones; `taken` is how they are taken."""
+    return (
+        f"the joints are called {printable(', '.join(names), 200)} and not "
+        f"{printable(', '.join(wanted), 200)}; they are taken {taken}: check it, or give the order "
+        "to dynid import --joint-order"
+    )
+
+
 def plainly(name: str) -> str:
     """A name in lower case, its words joined by underscores."""
     return re.sub(r"[^a-z0-9]+", "_", name.strip().lower()).strip("_")

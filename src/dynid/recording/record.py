@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, Finding, RecordError, Value, finding_from_json, frozen
+from dynid.recording.names import places_of, said_of_others
 from dynid.robot import RobotModel
 
 UNITS: dict[str, str] = {
@@ -239,26 +240,28 @@ def with_gains(found: RecordMetadata, joints: int, gains: Sequence[float] | None
 
 def of_robot(
     found: RecordMetadata, joints: int, robot: RobotModel | None
-) -> tuple[RecordMetadata, tuple[int, ...]]:
-    """Metadata fitted to a robot, and the columns in the order of the robot's joints.
+) -> tuple[RecordMetadata, tuple[int, ...], tuple[Finding, ...]]:
+    """Metadata fitted to a robot, the columns in the order of its joints, and what to tell.
 
     Raises:
         RecordError: Another number of joints.
     """
-    order = tuple(range(joints))
+    order, told = tuple(range(joints)), ""
     if robot is not None:
         if joints != robot.joints:
             raise RecordError(
                 f"the recording has {joints} joints but {robot.name} has {robot.joints}"
             )
         names, own = found.joint_names, found.drive_gains
-        if set(names) == set(robot.joint_names):
-            order = tuple(names.index(name) for name in robot.joint_names)
+        if names and names != robot.joint_names:
+            place = places_of(robot.joint_names, names)
+            order = tuple(place) or order
+            told = "" if place else said_of_others(names, robot.joint_names, "in this order")
             own = None if own is None else tuple(own[k] for k in order)
             found = replace(found, joint_names=robot.joint_names, drive_gains=own)
         # A recording that says of which robot it is can be given to another one by mistake.
         found = replace(found, robot=found.robot or robot.name)
-    return found, order
+    return found, order, (Finding("unit_suspect", told),) if told else ()
 
 
 def column_names(quantities: Iterable[str], joints: int) -> list[str]:

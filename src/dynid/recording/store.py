@@ -282,8 +282,9 @@ def _whole(description: dict[str, Any], columns: dict[str, Array]) -> Experiment
 
 def fitted(record: ExperimentRecord, robot: RobotModel | None) -> ExperimentRecord:
     """A recording, fitted to a robot; see `of_robot`."""
-    metadata, order = of_robot(record.metadata, record.joints, robot)
+    metadata, order, told = of_robot(record.metadata, record.joints, robot)
     if metadata == record.metadata:
         return record
     signals = {name: value[:, list(order)] for name, value in record.signals.items()}
-    return replace(record, signals=signals, metadata=metadata)
+    problems = (*record.problems, *told)
+    return replace(record, signals=signals, metadata=metadata, problems=problems)

@@ -234,14 +234,14 @@ def open_stored(
         description: dict[str, Any] = parse_json(entries[KEY].decode())
         found = Description.of(description, description["problems"])
         digest = str(description["digest"])
-        metadata, order = of_robot(found.metadata, found.joints, robot)
+        metadata, order, told = of_robot(found.metadata, found.joints, robot)
     return StoredRecording(
         path=file,
         samples=int(footer.num_rows),
         joints=found.joints,
         quantities=found.quantities,
         metadata=with_gains(metadata, found.joints, gains),
-        problems=found.problems,
+        problems=(*found.problems, *told),
         fingerprint=digest,
         order=order,
     )

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynid.core import Array, RecordError, UnclearRecordError, printable
-from dynid.recording.names import UR_JOINTS, places_of, plainly
+from dynid.recording.names import UR_JOINTS, places_of, plainly, said_of_others
 from dynid.recording.table import ANGLES, Mask, RawTable
 from dynid.robot import RobotModel
 
@@ -95,12 +95,9 @@ def _by_name(table: RawTable, robot: RobotModel, *, given: bool) -> RawTable:
     # A robot file may call its joints differently from the driver.
     known = places_of(UR_JOINTS, table.joint_names) or _numbered(table.joint_names)
     ordered = _reorder(table, known) if known else table
+    taken = "by their own names or numbers" if known else "in this order"
     return ordered.report(
-        "unit_suspect",
-        f"the joints are called {printable(', '.join(table.joint_names), 200)} and not "
-        f"{printable(', '.join(robot.joint_names), 200)}; they are taken "
-        + ("by their own names or numbers" if known else "in this order")
-        + ": check it, or give the order to dynid import --joint-order",
+        "unit_suspect", said_of_others(table.joint_names, robot.joint_names, taken)
     )
 
 
