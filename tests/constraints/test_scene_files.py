@@ -28,7 +28,8 @@ def scene(*shapes: Any, **more: Any) -> Any:
     return scene_from_json(JsonFields({"shapes": list(shapes), **more}))
 
 
-def test_a_scene_file_is_read(tmp_path: Path) -> None:
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
+def test_a_scene_file_is_read(tmp_path: Path, encoding: str) -> None:
     path = tmp_path / "cell.json"
     path.write_text(
         json.dumps(
@@ -39,7 +40,8 @@ def test_a_scene_file_is_read(tmp_path: Path) -> None:
                 ],
                 "payload": [BALL],
             }
-        )
+        ),
+        encoding=encoding,
     )
     found = scene_from_json(load_object(path), str(path))
     assert [item.kind for item in found.shapes] == [HALF_SPACE, BOX]

@@ -130,7 +130,7 @@ def load_object(path: str | Path) -> JsonFields:
         raise InputError("this is not a valid file name", where=where) from error
     try:
         document = json.loads(
-            content.decode("utf-8"), parse_constant=_refuse, object_pairs_hook=_once
+            content.decode("utf-8-sig"), parse_constant=_refuse, object_pairs_hook=_once
         )
     except UnicodeDecodeError as error:
         raise InputError("the file is no text, so not JSON", where=where) from error
