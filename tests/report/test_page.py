@@ -71,6 +71,17 @@ def test_what_to_do_follows_what_was_found(page: Page) -> None:
     assert "95 % intervals of Fc [N·m] and Fv [N·m·s/rad]." in text
 
 
+def test_the_command_for_another_motion_names_the_file_of_the_robot(page: Page) -> None:
+    _, contents = page
+    item = contents.estimates[0]
+    weak = Finding("identification_gains_nothing", "weak", next_step="move more")
+    for file, word in (("/robots/my arm.urdf", "'/robots/my arm.urdf'"), ("", "ur5")):
+        model = replace(item.estimate.model, robot=replace(item.estimate.model.robot, file=file))
+        changed = replace(item, estimate=replace(item.estimate, model=model), warnings=(weak,))
+        text = visible(render(replace(contents, estimates=(changed,))))
+        assert f"dynid design {word} -o design.json" in text
+
+
 def test_units_of_sliding_joints_are_their_own(page: Page) -> None:
     _, contents = page
     item = contents.estimates[0]

@@ -4,7 +4,6 @@ import shlex
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -243,7 +242,7 @@ def next_steps(contents: ReportContents) -> tuple[Step, ...]:
 
 
 def _steps(contents: ReportContents, item: ReportedEstimate) -> Iterator[Step]:
-    robot = item.estimate.model.robot.name
+    robot = item.estimate.model.robot
     if item.shown is None:
         yield Step(
             title="Add its recording to the folder.",
@@ -266,7 +265,7 @@ def _steps(contents: ReportContents, item: ReportedEstimate) -> Iterator[Step]:
             yield Step(
                 title=_sentence(finding.next_step),
                 text="The motion excites the inertias poorly.",
-                command=f"dynid design {Path(robot).name} -o design.json",
+                command=f"dynid design {shlex.quote(robot.file or robot.name)} -o design.json",
             )
             break
     if item.level == "usable":
