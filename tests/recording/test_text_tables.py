@@ -299,6 +299,22 @@ def test_one_number_a_line(tmp_path: Path) -> None:
         read_recording(files, columns="t=0,q=1:7,current=7:13")
 
 
+def test_a_link_goes_by_its_own_name(tmp_path: Path) -> None:
+    """Version control of data keeps files under their hashes and links to them."""
+    motion = Motion()
+    parts = {
+        "time": motion.t[:, None],
+        "positions": motion.position(motion.t),
+        "currents": motion.current(motion.t),
+    }
+    for number, (name, values) in enumerate(parts.items()):
+        np.savetxt(tmp_path / f"{number}a5f", values)
+        (tmp_path / f"run_{name}.txt").symlink_to(f"{number}a5f")
+    record = read_recording([tmp_path / f"run_{name}.txt" for name in parts])
+    assert_true_to(record, motion)
+    assert record.samples == motion.samples
+
+
 def test_a_shorter_file_cuts_the_others(tmp_path: Path) -> None:
     motion = Motion()
     table = motion.table()

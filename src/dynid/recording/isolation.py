@@ -119,7 +119,8 @@ def read_isolated(files: Sequence[Path], options: ReadOptions) -> Read:
     budget, where = Budget.of(files), ", ".join(file.name for file in files)
     with tempfile.TemporaryDirectory(prefix="dynid-") as folder, _lock:
         request = {
-            "files": [str(file.resolve()) for file in files],
+            # A link has the name that says what is in the file, not what it points to.
+            "files": [str(file.absolute()) for file in files],
             "options": asdict(options),
             "budget": asdict(budget),
             "folder": folder,
