@@ -126,6 +126,15 @@ def test_ur_header() -> None:
     }
 
 
+@pytest.mark.parametrize("scope", ["trial_1/", "robot_0.", "log[2]."])
+def test_a_number_of_the_run_is_no_joint_of_its_time(scope: str) -> None:
+    names = [f"{scope}time", *(f"{scope}{name}" for name in ur("q tau"))]
+    assert match_headers(names).columns["t"] == [0]
+    # A time each is one of the joints, if not a temperature.
+    each = [f"{scope}t_{k}" for k in range(6)]
+    assert "t" not in match_headers([*each, *names[1:]]).columns
+
+
 def test_plain_torque_wins_and_a_note_says_so() -> None:
     names = [
         "Time",

@@ -208,10 +208,13 @@ def find_clocks(parsed: Sequence[Name], names: Sequence[str], scope: str) -> lis
     """
     found: list[tuple[tuple[int, ...], Clock]] = []
     halves = {_stem(name): k for k, name in enumerate(parsed) if name.clock == "nanosec"}
+    # One alone is of the run, as in `trial_1/t`, and not of a joint.
+    alone = sum(name.quantity == "t" for name in parsed) == 1
     for k, name in enumerate(parsed):
         meaning = name.meaning
         half = halves.get(_stem(name)) if name.clock == "sec" else None
-        if half is None and (meaning is None or meaning[0] != "t" or name.index is not None):
+        of_joint = name.index is not None and not alone
+        if half is None and (meaning is None or meaning[0] != "t" or of_joint):
             continue
         if name.clock == "nanosec" or (half is None and name.clock == "sec" and name.scope):
             continue
