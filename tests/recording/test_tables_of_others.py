@@ -295,6 +295,27 @@ def test_json(tmp_path: Path, layout: str) -> None:
         assert ("line 1 " in str(caught.value)) == (layout == "arrays")
 
 
+@pytest.mark.parametrize("layout", ["columns", "objects", "lines"])
+def test_null_in_json_is_a_missing_value(tmp_path: Path, layout: str) -> None:
+    """Pandas writes NaN so, and loggers a message that did not come."""
+    path = tmp_path / "x.json"
+    if layout == "columns":
+        table = {k: list(np.asarray(v, dtype=object)) for k, v in columns(lists=False).items()}
+        table["q_2"][5] = table["tau_3"][9] = None
+        path.write_text(json.dumps(table))
+    else:
+        table = columns(lists=True)
+        named = {name.rpartition(".")[2]: np.asarray(v).tolist() for name, v in table.items()}
+        rows = [dict(zip(named, row, strict=True)) for row in zip(*named.values(), strict=True)]
+        rows[5]["q"] = rows[9]["tau"][3] = None
+        text = json.dumps(rows) if layout == "objects" else "\n".join(map(json.dumps, rows))
+        path.write_text(text)
+    record = read_recording(path, robot=load_robot("ur5"))
+    assert record.samples == MOTION.samples - 2
+    assert [problem.kind for problem in record.problems] == ["corrupt_rows"]
+    assert set(record.signals) == {"q", "qd", "effort"}
+
+
 def test_json_that_is_no_recording(tmp_path: Path) -> None:
     for text in ('{"a": 1}', '{"a": [1, "x"]}', "[[1, 2], [3]]", "{" * 2000, '{"q": [NaN]}'):
         (tmp_path / "x.json").write_text(text)

@@ -201,17 +201,22 @@ class _Contents:
             self.arrays[f"{path} [s]" if dated else path or "array"] = array
 
     def _collect_list(self, rows: list[Any], path: str, depth: int) -> None:
-        if rows and all(isinstance(row, dict) for row in rows):
+        known = [row for row in rows if row is not None]
+        if known and all(isinstance(row, dict) for row in known):
             # One object a row: each field becomes an array, as far as all rows have it.
-            names = [name for name in rows[0] if all(name in row for row in rows)]
-            self.collect({name: [row[name] for row in rows] for name in names}, path, depth)
+            names = [name for name in known[0] if all(name in row for row in known)]
+            fields = {name: [row and row[name] for row in rows] for name in names}
+            self.collect(fields, path, depth)
             return
+        # What is null is missing; in place of a list, all of it.
+        width = len(cast("list[Any]", known[0])) if known and isinstance(known[0], list) else 0
+        rows = [[None] * width or None if row is None else row for row in rows]
         try:
             array = np.array(rows)
-        except (ValueError, OverflowError):
+            array = np.array(rows, dtype=np.float64) if array.dtype.kind == "O" else array
+        except (TypeError, ValueError, OverflowError):
             return
-        if array.dtype.kind != "O":
-            self.collect(array, path, depth)
+        self.collect(array, path, depth)
 
     def _collect_cells(self, cells: Any, path: str, depth: int) -> None:
         own = _Contents()
