@@ -8,6 +8,7 @@ import json
 import lzma
 import tempfile
 import zipfile
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -152,6 +153,25 @@ def test_times_of_typed_tables(tmp_path: Path, kind: str, suffix: str) -> None:
     record = read_recording(path)
     np.testing.assert_allclose(record.t, MOTION.t - MOTION.t[0], atol=1.1e-3)
     assert record.rate_hz == pytest.approx(125, rel=1e-3)
+
+
+@pytest.mark.parametrize("form", ["%Y-%m-%dT%H:%M:%S.%fZ", "%H:%M:%S.%f"])
+@pytest.mark.parametrize("suffix", [".parquet", ".json", ".npz"])
+def test_times_in_words(tmp_path: Path, form: str, suffix: str) -> None:
+    """From before midnight on, with one that is missing."""
+    start = datetime(2024, 3, 1, 23, 59, 58)
+    words = [(start + timedelta(seconds=x)).strftime(form) for x in (MOTION.t - MOTION.t[0])]
+    words[7] = ""
+    table = {**columns(lists=False), "time": words, "run": ["a"] * MOTION.samples}
+    path = tmp_path / f"x{suffix}"
+    if suffix == ".npz":
+        np.savez(path, allow_pickle=False, **table)
+    elif suffix == ".json":
+        path.write_text(json.dumps({k: np.asarray(v).tolist() for k, v in table.items()}))
+    else:
+        parquet.write_table(pa.table(table), path)
+    record = read_recording(path)
+    np.testing.assert_allclose(record.t, np.delete(MOTION.t, 7) - MOTION.t[0], atol=1e-6)
 
 
 def test_a_time_of_day_in_a_typed_table(tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ from dynid.recording.columns import assign
 from dynid.recording.content import Budget, all_bytes, first_bytes, refused
 from dynid.recording.names import holds_names, one_order
 from dynid.recording.table import RawTable, ReadOptions
-from dynid.recording.variables import numbers_of, table_of
+from dynid.recording.variables import moments_of, numbers_of, table_of
 
 _MAX_ITEMS = 200
 _FEWEST_ROWS = 3
@@ -86,7 +86,7 @@ def _load(path: Path, budget: Budget) -> Any:
 
 
 def _columns(name: str, column: Any) -> list[tuple[str, Array]]:
-    """Name and numbers of a column, or of each item of its lists; nothing for text."""
+    """Name and numbers of a column, or of each item of its lists; of text only dates."""
     types = importlib.import_module("pyarrow.types")
     kind = column.type
     if types.is_timestamp(kind) or types.is_duration(kind) or types.is_time64(kind):
@@ -108,7 +108,8 @@ def _columns(name: str, column: Any) -> list[tuple[str, Array]]:
         return [(f"{name}[{k}]", values[:, k]) for k in range(width)]
     if types.is_floating(kind) or types.is_integer(kind) or types.is_boolean(kind):
         return [(name, np.asarray(column.to_numpy(zero_copy_only=False), dtype=np.float64))]
-    return []
+    found = moments_of(map(str, column.to_pylist())) if _is_text(types, kind) else None
+    return [] if found is None else [(f"{name} [s]", found)]
 
 
 def write_sheet(path: Path, target: Path) -> None:
@@ -197,7 +198,7 @@ class _Contents:
         elif np.asarray(value).dtype.kind == "O":
             self._collect_cells(value, path, depth)
         elif (array := numbers_of(value)) is not None and array.size:
-            dated = np.asarray(value).dtype.kind in "mM"
+            dated = np.asarray(value).dtype.kind in "mMU"
             self.arrays[f"{path} [s]" if dated else path or "array"] = array
 
     def _collect_list(self, rows: list[Any], path: str, depth: int) -> None:

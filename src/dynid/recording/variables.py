@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from types import MappingProxyType
 from typing import Any
@@ -11,7 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynid.core import Array, Finding, RecordError, UnclearRecordError, printable
-from dynid.recording.cells import factor_of, refuse_unit, taken_as_it_is
+from dynid.recording.cells import (
+    factor_of,
+    is_missing,
+    past_midnight,
+    refuse_unit,
+    stamp,
+    taken_as_it_is,
+)
 from dynid.recording.columns import select
 from dynid.recording.headers import NotRecognised, match_headers
 from dynid.recording.names import parse_name, says_degrees
@@ -119,15 +126,26 @@ def numbers_of(value: Any) -> Array | None:
     """A value as float64 array of one or two axes; None where it is none.
 
     Axes of length one, as Simulink and MATLAB have them, do not count, nor do imaginary parts.
-    Dates are in seconds since 1970, spans of time in seconds.
+    Dates, also in words, are in seconds since 1970, times of day and spans of time in seconds.
     """
     array: NDArray[Any] = np.asarray(value).squeeze()
+    if array.dtype.kind == "U":
+        return moments_of(array.ravel().tolist())
     if array.dtype.kind in "mM":
         array = (array - np.zeros((), array.dtype)) / np.timedelta64(1, "s")
     if array.ndim > 2 or array.dtype.kind not in "fiubc":
         return None
     with np.errstate(all="ignore"):
         return np.atleast_1d(np.asarray(np.real(array), dtype=np.float64))
+
+
+def moments_of(cells: Iterable[str]) -> Array | None:
+    """Seconds (N) of dates with a time, or of times of day, in words; None where they are none."""
+    try:
+        found = np.array([np.nan if is_missing(cell) else stamp(cell) for cell in cells])
+    except ValueError:
+        return None
+    return past_midnight(found) if np.isfinite(found).any() else None
 
 
 def table_of(
