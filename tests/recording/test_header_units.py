@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -168,3 +169,15 @@ def test_all_factors_of_mixed_units_are_noted(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace("q2 [deg]", "q2 [mrad]", 1))
     note = read_recording(path).metadata.extra["notes"]
     assert "q (times 0.0174533, 0.001, 0.0174533, 0.0174533, 0.0174533, 0.0174533)" in note
+
+
+@pytest.mark.parametrize(("unit", "which"), [("deg", 0), ("mm", 5)])
+def test_units_of_the_other_kind_of_joint_are_told(tmp_path: Path, unit: str, which: int) -> None:
+    """Programs label all axes alike, slides too."""
+    ur5 = load_robot("ur5")
+    kinds = ["prismatic" if (k == which) == (unit == "deg") else "revolute" for k in range(6)]
+    robot = replace(ur5, joint_types=tuple(kinds))
+    record = read_recording(write(tmp_path / "x.csv", q=f" [{unit}]"), robot=robot)
+    (told,) = [problem for problem in record.problems if "was converted" in problem.text]
+    assert told.kind == "unit_suspect"
+    assert told.joints == (which,)

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from dynid.core import Array, RecordError, UnclearRecordError, printable
-from dynid.recording.names import UR_JOINTS, places_of, plainly, said_of_others
+from dynid.recording.cells import factor_of
+from dynid.recording.names import UR_JOINTS, parse_name, places_of, plainly, said_of_others
 from dynid.recording.table import ANGLES, Mask, RawTable
 from dynid.robot import RobotModel
 
@@ -278,6 +279,7 @@ def refuse_degrees(table: RawTable, robot: RobotModel | None) -> RawTable:
             f"{table.label('q', joint)} reaches {reach[joint]:.4g} rad: degrees (pass --degrees), "
             "or measured on the motor's side (give --robot with its gear ratios)?",
         )
+    table = _report_other_kinds(table, robot)
     limits = robot.limits
     bound = np.fmax(np.abs(limits.lower), np.abs(limits.upper))
     known = np.isfinite(bound)
@@ -311,4 +313,26 @@ def refuse_degrees(table: RawTable, robot: RobotModel | None) -> RawTable:
             f"{table.label('q', joint)} goes {excess[joint]:.3g} beyond the limits of "
             f"{robot.name} ({int(outside.sum())} joints do): check units, offsets and joint order",
         )
+    return table
+
+
+_LENGTHS = re.compile(r"(m|mm|cm|um)(?![a-z])", re.IGNORECASE)
+
+
+def _report_other_kinds(table: RawTable, robot: RobotModel) -> RawTable:
+    """Report columns that were converted from angles where the joint slides, or from lengths."""
+    if robot.drives.position_side == "motor":
+        return table
+    for quantity in [name for name in table.signals if name in ANGLES]:
+        labels = zip(table.labels.get(quantity, ()), robot.prismatic, strict=False)
+        for joint, (label, slides) in enumerate(labels):
+            unit = parse_name(label, robot.joint_names).unit
+            changed = factor_of(quantity, unit) not in (None, 1.0)
+            if changed and slides != bool(_LENGTHS.match(unit)):
+                table = table.report(
+                    "unit_suspect",
+                    f"{table.label(quantity, joint)} was converted from {printable(unit, 20)}, "
+                    f"but the joint {'slides' if slides else 'turns'}: check the unit",
+                    (joint,),
+                )
     return table
