@@ -670,6 +670,26 @@ def test_files_that_both_have_the_time(tmp_path: Path) -> None:
         read_recording(files, robot=load_robot("ur5"))
 
 
+@pytest.mark.parametrize("clocks", [("time [s]", "time [ms]"), ("time_us", "Time (s)")])
+def test_times_of_files_in_units_of_their_own(tmp_path: Path, clocks: tuple[str, str]) -> None:
+    t, q, _, effort = truth()
+    t = t - t[0]
+    ticks = {"[s]": t, "[ms]": 1e3 * t, "time_us": 1e6 * t, "(s)": t}
+    first, second = (ticks[clock.split()[-1]] for clock in clocks)
+    files = [
+        write(tmp_path / "pos.csv", [clocks[0], *named("q{}")], first, q),
+        write(tmp_path / "tau.csv", [clocks[1], *named("tau{}")], second, effort),
+    ]
+    record = read_recording(files, robot=load_robot("ur5"))
+    np.testing.assert_allclose(record.signals["effort"], effort, atol=1e-6)
+    np.testing.assert_allclose(record.t, t, atol=1e-9)
+    # Where neither says its unit, the lengths do.
+    write(files[0], ["time", *named("q{}")], t, q)
+    write(files[1], ["time", *named("tau{}")], 1e3 * t, effort)
+    with pytest.raises(RecordError, match="different units"):
+        read_recording(files, robot=load_robot("ur5"))
+
+
 def test_qualifiers_are_no_joints(tmp_path: Path) -> None:
     t, q, _, effort = truth()
     names = ["t", "q_raw", "q_filtered", "tau_raw", "tau_filtered"]

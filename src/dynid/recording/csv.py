@@ -146,13 +146,22 @@ def own_clocks(sheets: list[Sheet], names: Sequence[str] | None) -> tuple[int, .
     return tuple(found)
 
 
+_LONGER = 100
+"""Times the span of another file that none has whose unit of time is the same."""
+
+
 def align(
-    sheets: list[Sheet], clocks: tuple[int, ...], wanted: list[int], soft: frozenset[int]
+    sheets: list[Sheet],
+    clocks: tuple[int, ...],
+    wanted: list[int],
+    soft: frozenset[int],
+    units: Sequence[float | None],
 ) -> Grid:
     """Read columns, counted across files and ascending, at the times of the first file.
 
-    Each file has its column of time in `clocks`. Only the time that all files share is kept.
-    Between its rows a file is read on straight lines; over its gaps it has no values.
+    Each file has its column of time in `clocks`, and the seconds a unit of it in `units`, None
+    where it does not say: then it is that of the others. Only the time that all files share is
+    kept. Between its rows a file is read on straight lines; over its gaps it has no values.
 
     Raises:
         RecordError: Files of different times.
@@ -161,18 +170,25 @@ def align(
         sheet.read([clock, *sheet.own(wanted)], {*sheet.own(soft)} - {clock})
         for sheet, clock in zip(sheets, clocks, strict=True)
     ]
-    spans = [(float(np.nanmin(g.values[:, 0])), float(np.nanmax(g.values[:, 0]))) for g in grids]
+    said = next((unit for unit in units if unit is not None), 1.0)
+    of_first = [(unit or said) / (units[0] or said) for unit in units]
+    times = [grid.values[:, 0] * unit for grid, unit in zip(grids, of_first, strict=True)]
+    spans = [(float(np.nanmin(t)), float(np.nanmax(t))) for t in times]
     begin, end = max(low for low, _ in spans), min(high for _, high in spans)
-    if begin >= end:
+    lengths = [high - low for low, high in spans]
+    if begin >= end or max(lengths) > _LONGER * min(lengths):
         raise RecordError(
-            "the time ranges of the files do not overlap",
+            "the time ranges of the files do not overlap"
+            if begin >= end
+            else "the files are of very different lengths, or their times in different units",
             value="; ".join(f"{low:.6g} to {high:.6g}" for low, high in spans),
-            next_step="Give files that were recorded together.",
+            next_step="Give files that were recorded together, with the unit of time in each "
+            "header, as in time [ms].",
         )
     t = grids[0].values[:, 0]
     inside: Mask = ~((t < begin) | (t > end))
-    others = (grid.values for grid in grids[1:])
-    parts = [at_times(t, own[:, 0], own[:, 1:], _FARTHEST) for own in others]
+    others = zip(times[1:], grids[1:], strict=True)
+    parts = [at_times(t, own, grid.values[:, 1:], _FARTHEST) for own, grid in others]
     notices = [notice for grid in grids for notice in grid.notices]
     if max(abs(low - begin) for low, _ in spans) + max(abs(high - end) for _, high in spans) > 0:
         notices.append(
@@ -351,7 +367,9 @@ def _read(tables: list[Dialect], options: ReadOptions) -> RawTable:
     soft = frozenset(wanted) - needed
     if clocks:
         notes = (*notes, "the files are aligned by their own times")
-        pasted = align(sheets, clocks, wanted, soft)
+        ours = [sheet.first + clock for sheet, clock in zip(sheets, clocks, strict=True)]
+        units = [parse_name(names[k]).time_scale if names else None for k in ours]
+        pasted = align(sheets, clocks, wanted, soft, units)
     else:
         pasted = paste(sheets, wanted, soft)
     values = pasted.values
