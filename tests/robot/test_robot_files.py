@@ -202,6 +202,7 @@ BROKEN = {
     "rows": (DH + "[drives]\ncoupling=[[1,1],[1]]", "'coupling' wrong number"),
     "side": (DH + '[drives]\ntorque_side="left"', "'torque_side' unknown word"),
     "motor side": (DH + '[drives]\ntorque_side="motor"', "need gear_ratio or coupling"),
+    "offset": (DH + "[drives]\noffset=[0,0.1]", "'offset' is that of motor positions"),
     "mass": (DH + "[inertia]\nmass=[1,-1]", "inertia: negative mass"),
     "inertia frames": (DH + '[inertia]\nframes="x"\nmass=[1,1]', "'frames' unknown word"),
     "single counterbalance": (DH + CYLINDER.replace("[[", "[").replace("]]", "]"), r"write \[\["),

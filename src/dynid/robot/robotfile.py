@@ -98,6 +98,12 @@ def _read_drives(rows: list[TomlTable], robot: RobotModel) -> dict[str, Any]:
     for key in ("position_side", "torque_side"):
         if key in table:
             found[key] = table.text(key, _SIDES)
+    if "offset" in found and found.get("position_side") != "motor":
+        raise RobotError(
+            "'offset' is that of motor positions, and the recordings give the joints'",
+            next_step='Write position_side = "motor", or correct the zeros of the joints (theta of '
+            "a DH table).",
+        )
     return {"drives": Drives(**found)}
 
 
