@@ -135,6 +135,13 @@ def test_a_number_of_the_run_is_no_joint_of_its_time(scope: str) -> None:
     assert "t" not in match_headers([*each, *names[1:]]).columns
 
 
+@pytest.mark.parametrize("torque", ["current_effort", "current_joint_torques", "current_tau"])
+def test_a_present_torque_is_no_current(torque: str) -> None:
+    columns = match_headers(["time", *ur(f"current_position current_velocity {torque}")]).columns
+    assert columns["effort"] == list(range(13, 19))
+    assert "current" not in columns
+
+
 def test_plain_torque_wins_and_a_note_says_so() -> None:
     names = [
         "Time",

@@ -128,6 +128,7 @@ def by_rows(columns: Mapping[str, Sequence[int]]) -> str:
 
 
 _TORQUE_STEMS = ("torque", "tau", "effort", "current", "cur")
+_TORQUES = words_of("torque torques tau taus effort efforts")
 _NOT_MEASURED = words_of(
     "ext external error err gravity grav friction coriolis residual model estimated est predicted "
     "feedforward ff limit limits max min bias offset hat voltage cmd command desired target "
@@ -185,7 +186,9 @@ def _choose(
                 + spelled({"effort": [column for _, column in like[0].members]}),
             )
         stem = like[0].base
-        chosen["current" if stem.startswith("cur") else "effort"] = like[0]
+        # `current_effort` is the present one, as `current_position` is.
+        torque = not stem.startswith("cur") or _TORQUES & {*stem.split("_")}
+        chosen["effort" if torque else "current"] = like[0]
         notes.append(f"the only torque-like columns are {stem!r}; they are taken")
     elif like:
         kept = [chosen[name].label for name in TORQUE_SOURCES if name in chosen]
