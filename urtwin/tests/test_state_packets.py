@@ -306,3 +306,11 @@ def test_lines_that_pendants_and_drivers_send_are_obeyed(fast):
         client.until(lambda row: row["target_speed_fraction"] == 1.0)
         tell("stop program")
         client.until(lambda row: row["runtime_state"] == RuntimeState.STOPPED)
+
+
+@pytest.mark.parametrize("volts", ["-1", "13", "300"])
+def test_a_tool_voltage_that_a_robot_lacks_stops_the_program_not_the_states(machine, volts):
+    machine.run_script(f"def f():\n set_tool_voltage({volts})\nend\n")
+    machine.tick()
+    assert any("tool voltage" in message.text for message in machine.messages)
+    assert packages(robot_state(machine))

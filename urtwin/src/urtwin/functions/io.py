@@ -8,6 +8,7 @@ from urtwin.core import BITS, COUNT, FLAGS, Core, InputWatchdog, MessageKind, Re
 from urtwin.urscript import Builtin, ScriptFault, Value, number, shown, truth, whole, within
 
 _ACTIONS = ("ignore", "pause", "stop")
+_TOOL_VOLTAGES = (0, 12, 24)
 
 
 def _pair(n: Value) -> int:
@@ -89,7 +90,9 @@ def _set_flag(core: Core, n: Value, b: Value) -> None:
 
 
 def _set_tool_voltage(core: Core, voltage: Value) -> None:
-    core.signals.tool_voltage = int(number(voltage))
+    if number(voltage) not in _TOOL_VOLTAGES:
+        raise ScriptFault("tool voltage [V]", value=voltage, limit=_TOOL_VOLTAGES)
+    core.signals.tool_voltage = int(voltage)
 
 
 _REGISTERS = 128
