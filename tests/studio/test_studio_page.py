@@ -282,6 +282,32 @@ def test_no_robot_moves_in_a_scene_that_was_changed_after_the_question(
     assert job.heard == ["host", "STOP"]
 
 
+class Meanwhile(io.BytesIO):
+    """A file that arrives slowly: something else happens before its first bytes are there."""
+
+    def __init__(self, content: bytes, happens: Callable[[], object]) -> None:
+        super().__init__(content)
+        self._happens: list[Callable[[], object]] = [happens]
+
+    def read(self, size: int | None = -1) -> bytes:
+        if self._happens:
+            self._happens.pop()()
+        return super().read(size)
+
+
+def test_stop_reaches_a_run_that_began_while_another_robot_was_dropped(
+    page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = AskingJob(page)
+    monkeypatch.setattr("dynid.studio.session.Supervisor", lambda _: job)
+    asked = {"target": "sim", "repeat": 1, "slow": False, "file": "run.parquet"}
+    arriving = Meanwhile(URDF.encode(), lambda: do(page, "run", **asked))
+    with pytest.raises(InputError, match="another job"):
+        page.take_file("two.urdf", arriving, len(URDF))
+    do(page, "stop")
+    assert job.heard == ["STOP"]
+
+
 def test_a_disc_that_fails_ends_a_job_and_not_the_page(
     page: Page, monkeypatch: pytest.MonkeyPatch
 ) -> None:

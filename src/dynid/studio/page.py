@@ -49,6 +49,8 @@ class Page:
         self._open(opened)
         self._changed = threading.Condition()
         self._following = threading.Lock()
+        self._starting = threading.Lock()
+        """Held by whoever starts a job or opens another robot: a job is always the page's."""
         self._told, self._version = "", 0
         self._done: Supervisor | None = None
         self._ending: dict[str, Any] = {}
@@ -242,7 +244,11 @@ class Page:
     def _take(self, path: Path, suffix: str) -> str:
         session = self.session
         if suffix in ROBOT_FILES:
-            self._open(open_path(str(path)))
+            opened = open_path(str(path))
+            with self._starting:
+                # A run may have begun while the file arrived, and STOP has to reach it.
+                self.session.check_idle()
+                self._open(opened)
             return f"{self.session.robot.name} is shown"
         kind = kind_of(path) if suffix == ".json" else ""
         if kind == "design":
@@ -273,7 +279,8 @@ class Page:
         """Start a job that makes a file of the studio's folder; where it is."""
         output = file_in(self.session.folder, name, Path(FILES[kind]).suffix)
         job = Job(kind=kind, source=str(source), output=str(output), options=options, target=target)
-        self.session.start(job)
+        with self._starting:
+            self.session.start(job)
         return output
 
     def _choose(self, asked: JsonFields) -> None:
