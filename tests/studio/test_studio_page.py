@@ -275,11 +275,26 @@ def test_no_robot_moves_in_a_scene_that_was_changed_after_the_question(
     monkeypatch.setattr("dynid.studio.session.Supervisor", lambda _: job)
     asked = {"target": "sim", "repeat": 1, "slow": False, "file": "run.parquet"}
     do(page, "run", **asked)
-    do(page, "answer", word="host")
+    do(page, "answer", id=job.pid, word="host")
     do(page, "add", kind="box")
     with pytest.raises(InputError, match="scene has changed"):
-        do(page, "answer", word="host")
+        do(page, "answer", id=job.pid, word="host")
     assert job.heard == ["host", "STOP"]
+
+
+def test_a_word_for_another_question_moves_nothing(
+    page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = AskingJob(page)
+    monkeypatch.setattr("dynid.studio.session.Supervisor", lambda _: job)
+    do(page, "run", target="sim", repeat=1, slow=False, file="run.parquet")
+    with pytest.raises(InputError, match="nothing moves"):
+        do(page, "answer", id=job.pid + 1, word="host")
+    # It has not asked yet, or somebody else has answered.
+    job.state = JobState()
+    with pytest.raises(InputError, match="nothing moves"):
+        do(page, "answer", id=job.pid, word="host")
+    assert job.heard == []
 
 
 class Meanwhile(io.BytesIO):

@@ -379,16 +379,19 @@ class Page:
         self._start("identify", chosen.path, asked.text("file"), options)
 
     def _answer(self, asked: JsonFields) -> None:
-        session = self.session
-        if session.job is None:
-            return
-        if session.job.job.kind == "run" and session.editor.changes != self._asked_changes:
-            session.job.stop()
+        session, job = self.session, self.session.job
+        if job is None or job.pid != asked.whole("id") or job.state.ask is None:
+            raise InputError(
+                "what was confirmed is not asked any more: nothing moves",
+                next_step="Read what is asked now.",
+            )
+        if job.job.kind == "run" and session.editor.changes != self._asked_changes:
+            job.stop()
             raise InputError(
                 "the scene has changed since the run was asked for: nothing moves",
                 next_step="Run again.",
             )
-        session.job.answer(asked.text("word").strip())
+        job.answer(asked.text("word").strip())
 
     def _stop(self) -> None:
         if self.session.job is not None:

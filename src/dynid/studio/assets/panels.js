@@ -288,7 +288,7 @@ const run = {
   },
   act(app) {
     const job = app.state.job;
-    if (running(app, "run") && job.ask) return app.do("answer", { word: typed.word });
+    if (running(app, "run") && job.ask) return app.do("answer", { id: job.id, word: typed.word });
     return this.next ? app.go("identify") : this.begin(app);
   },
   begin(app) {
