@@ -323,6 +323,23 @@ def test_stop_reaches_a_run_that_began_while_another_robot_was_dropped(
     assert job.heard == ["STOP"]
 
 
+def test_two_files_of_one_name_that_are_dropped_at_once_are_both_kept(
+    page: Page, tmp_path: Path
+) -> None:
+    first = json.dumps({"shapes": [{"type": "sphere", "radius": 0.1, "position": [1, 0, 0]}]})
+    second = json.dumps({"shapes": []})
+    both: list[threading.Thread] = []
+
+    def drop_other() -> None:
+        both.append(threading.Thread(target=drop, args=(page, "cell.json", second.encode())))
+        both[0].start()
+        both[0].join()
+
+    page.take_file("cell.json", Meanwhile(first.encode(), drop_other), len(first))
+    kept = [(tmp_path / name).read_text() for name in ("cell.json", "cell_2.json")]
+    assert kept == [second, first]
+
+
 def test_a_disc_that_fails_ends_a_job_and_not_the_page(
     page: Page, monkeypatch: pytest.MonkeyPatch
 ) -> None:

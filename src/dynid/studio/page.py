@@ -218,15 +218,14 @@ class Page:
         session = self.session
         session.check_idle()
         suffix = Path(name).suffix.lower()
-        path = session.folder / free_name(
-            session.folder, file_in(session.folder, name, suffix).name
-        )
-        # Two visitors may drop files of one name.
+        path = file_in(session.folder, name, suffix)
+        # Two visitors may drop files of one name: who arrives first gets it.
         partial = path.with_name(f"{path.name}.{threading.get_native_id()}.partial")
         try:
             with partial.open("wb") as file:
                 _copy(stream, file, length)
-            partial.rename(path)
+            with session.lock:
+                path = partial.rename(session.folder / free_name(session.folder, path.name))
         except OSError as error:
             raise JobError(
                 "the file cannot be kept", where=path.name, value=error.strerror
