@@ -65,11 +65,12 @@ def test_a_log_becomes_a_model_a_report_and_a_verdict(log: Path, tmp_path: Path)
     assert {"base_parameters", "training", "verdict", "report", "models"} <= keys.keys()
 
 
-def test_a_folder_that_holds_results_is_left_alone(log: Path, tmp_path: Path) -> None:
-    (tmp_path / "estimate.json").write_text("{}")
+@pytest.mark.parametrize("name", ["estimate.json", "log_lab.parquet"])
+def test_a_folder_that_holds_results_is_left_alone(log: Path, tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text("{}")
     with pytest.raises(InputError, match="nothing is replaced"):
         fit("ur5", log, tmp_path, settings=PAPER)
-    assert (tmp_path / "estimate.json").read_text() == "{}"
+    assert (tmp_path / name).read_text() == "{}"
 
 
 @pytest.mark.usefixtures("undiagnosed_once")

@@ -253,19 +253,23 @@ def fit(
     if not given:
         raise InputError("needs at least one log")
     model = load_robot(robot, collision=False)
-    folder = _folder(output)
+    kinds = ["log"] if len(given) == 1 else [f"log{k + 1}" for k in range(len(given))]
+    read = dict(zip(kinds, given, strict=True))
+    if validation is not None:
+        read["validation"] = validation
+    names = {
+        kind: kind if isinstance(log, ExperimentRecord) else f"{kind}_{recording_name(log)}"
+        for kind, log in read.items()
+    }
+    paths = [Path(output) / f"{name}.parquet" for name in names.values()]
+    folder = _folder(output, paths)
     records: list[ExperimentRecord] = []
     sources: list[str] = []
-    paths: list[Path] = []
-    others = [] if validation is None else [validation]
-    for k, log in enumerate([*given, *others]):
-        kind = "validation" if k >= len(given) else f"log{k + 1}" if len(given) > 1 else "log"
-        name = "" if isinstance(log, ExperimentRecord) else recording_name(log)
-        tell(f"read {name or kind}", 0.1 * k / (len(given) + 1))
+    for k, (kind, log) in enumerate(read.items()):
+        tell(f"read {names[kind].removeprefix(f'{kind}_')}", 0.1 * k / (len(given) + 1))
         record, source = known_gains(open_record(log, model, gains), model)
         records.append(record)
         sources.append("given" if gains is not None and source == "recording" else source)
-        paths.append(folder / f"{f'{kind}_{name}' if name else kind}.parquet")
     other = None if validation is None else records[-1]
     result = identify(
         records[: len(given)],
@@ -279,7 +283,7 @@ def fit(
         unfinished, "The fit that wrote these files has not ended: the next replaces them.\n"
     )
     for record, path in zip(records, paths, strict=True):
-        write_record(of_robot(record, robot), path, force=True)
+        write_record(of_robot(record, robot), path)
     write_estimate(result.estimate, folder / ESTIMATE)
     exports: list[ExportedFile] = []
     failed: list[tuple[str, str]] = []
@@ -305,9 +309,10 @@ def fit(
     )
 
 
-def _folder(output: str | Path) -> Path:
+def _folder(output: str | Path, recordings: Sequence[Path]) -> Path:
     folder = make_folder(output)
-    taken = [name for name in (ESTIMATE, REPORT, *MODELS.values()) if (folder / name).exists()]
+    written = (*(path.name for path in recordings), ESTIMATE, REPORT, *MODELS.values())
+    taken = [name for name in written if (folder / name).exists()]
     if (folder / UNFINISHED).exists():
         for name in taken:
             (folder / name).unlink()
