@@ -228,9 +228,9 @@ def _placed(
 def _seconds(text: str) -> float:
     """Seconds since 1970 of an ISO time, UTC where it names no zone; NaN where it is none."""
     text = text.strip()
-    if len(text) > len("2026-01-31") and text[10] in "_ T":
-        digits = re.sub(r"[:-]", "", text[11:]) if text[10] == "_" else text[11:]
-        text = f"{text[:10]}T{digits}"
+    if _DAY.fullmatch(text):
+        # A file's name has `-` where a time has `:`; within an ISO time it would begin the zone.
+        text = text[:10] + re.sub("[:-]", "", text[10:])
     try:
         found = datetime.fromisoformat(text)
     except ValueError:
