@@ -54,6 +54,12 @@ def test_a_robot_that_is_ready_passes() -> None:
     assert check_design(PLAN, CONSTRAINTS).feasible
 
 
+def test_a_robot_with_a_name_of_its_own_is_told_how_to_say_its_model() -> None:
+    own = replace(PLAN, robot=replace(UR5, name="ur5_lab"))
+    with pytest.raises(JobError, match=r'design for ur5_lab.*by its name, such as name = "ur5e"'):
+        require_ready(looked(own, READY), READY.host)
+
+
 @pytest.mark.parametrize(
     ("changes", "name"),
     [

@@ -269,7 +269,8 @@ _SLIDER = 1e-3
 _STILL = 1e-3
 _MASS, _COG, _TCP = 0.01, 0.005, 0.005
 _STEPS = {
-    "model": "Design for the robot that is there.",
+    "model": "Design for the robot that is there; a robot file of your own says which UR it is by "
+    'its name, such as name = "ur5e".',
     "rate": "Design for the robot that is there.",
     "robot mode": "Switch it on and release its brakes at the pendant.",
     "safety mode": "Clear its cause: release a stop, or leave reduced mode, at the pendant.",
