@@ -404,6 +404,7 @@ def summarise(rows: Sequence[Row]) -> dict[str, Any]:
         "clean": len(clean),
         "good": len(good),
         "doubted": len(doubted),
+        "refused": sum(r.level == "refused" for r in rows),
         "false_alarms": dict(Counter(kind for r in clean for kind in set(r.kinds)).most_common()),
         "faults": planted,
         "cpu_s_median": float(np.median([r.cpu_s for r in rows])) if rows else 0.0,
@@ -428,6 +429,7 @@ def markdown(told: dict[str, Any], title: str) -> str:
         "",
         f"{told['clean']} clean recordings; of {told['good']} the true error is below {GOOD:g} %,",
         f"and {told['doubted']} of these are not called usable.",
+        *([f"Refused recordings: {told['refused']}."] if told["refused"] else []),
         f"Median CPU of a case {told['cpu_s_median']:.1f} s.",
         "",
         "Findings on clean recordings: "

@@ -291,13 +291,10 @@ def _verdicts(
     from dynid.bench import Judged, Recorded, cases, markdown, rates, run_verdicts, summarise
     from dynid.workflow import IdentifySettings, identify, verdict
 
+    settings = IdentifySettings(preset=preset)
+
     def judge(made: Recorded) -> Judged:
-        result = identify(
-            made.record,
-            made.robot,
-            IdentifySettings(preset=preset),
-            validation=made.validation,
-        )
+        result = identify(made.record, made.robot, settings, validation=made.validation)
         shown = result.validation
         return Judged(
             findings=result.warnings,

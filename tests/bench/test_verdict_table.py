@@ -1,0 +1,24 @@
+"""The table of `dynid bench verdicts`: what was refused is counted."""
+
+from __future__ import annotations
+
+import pytest
+
+from dynid.bench import Judged, Recorded, cases, markdown, run_verdicts, summarise
+from dynid.cli.app import main
+from dynid.core import JobError
+
+
+def refuse(made: Recorded) -> Judged:
+    raise JobError("a singular problem", value=made.record.samples)
+
+
+def test_a_clean_recording_that_is_refused_is_no_success() -> None:
+    told = summarise(run_verdicts(refuse, cases(0, 1, 0)))
+    assert (told["clean"], told["good"], told["refused"]) == (1, 0, 1)
+    assert "Refused recordings: 1." in markdown(told, "Refused")
+
+
+def test_an_unknown_preset_is_bad_usage(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "verdicts", "--clean", "1", "--each", "0", "--preset", "no"]) == 2
+    assert "allowed: paper, best" in capsys.readouterr().err
