@@ -183,6 +183,12 @@ def test_a_moved_shape_is_where_it_was_let_go_and_is_judged(page: Page) -> None:
     assert page.look_up("scene", str)["shapes"] == []
 
 
+def test_a_place_that_is_none_is_told_in_plain_numbers(page: Page) -> None:
+    number = do(page, "add", kind="box")["number"]
+    with pytest.raises(InputError, match=r"no pose; got \[1\.0, 2\.0, 0\.0"):
+        do(page, "place", number=number, position=[1.0, 2.0])
+
+
 def test_news_come_when_something_changes(page: Page) -> None:
     page.step(0.0)
     told, seen = page.news(-1, 0.0)
