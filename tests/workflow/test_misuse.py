@@ -165,6 +165,17 @@ def test_what_is_no_recording_is_said() -> None:
             dynid.identify(wrong, "ur5")  # type: ignore[arg-type]
 
 
+def test_a_recording_without_a_robot_is_not_one_of_another(
+    tmp_path: Path, record: ExperimentRecord
+) -> None:
+    dynid.write_record(record, tmp_path / "ours.parquet")
+    nobody = replace(record, metadata=replace(record.metadata, robot=None))
+    dynid.write_record(nobody, tmp_path / "log.parquet")
+    paths = [tmp_path / name for name in ("ours.parquet", "log.parquet")]
+    with pytest.raises(InputError, match=r"log\.parquet: the recording does not say which robot"):
+        open_records(paths)
+
+
 def test_degrees_in_arrays_are_refused_as_those_of_files_are(
     record: ExperimentRecord, alone: dynid.Identification
 ) -> None:

@@ -108,9 +108,17 @@ def stored_robot(paths: Sequence[str | Path]) -> tuple[str, str | None]:
     """
     if not paths:
         raise InputError("needs at least one recording")
-    names, mounts = zip(*map(recording.remembered_robot, paths), strict=True)
-    # Logs of other programs say no mounting.
-    mounts = tuple(mount for mount in mounts if mount is not None)
+    names: list[str] = []
+    mounts: list[str] = []
+    for path in paths:
+        name, mount = recording.remembered_robot(path)
+        if name is None:
+            raise InputError(
+                "the recording does not say which robot it is of", where=str(path), next_step=_NEXT
+            )
+        names.append(name)
+        # Logs of other programs say no mounting.
+        mounts += [] if mount is None else [mount]
     for what, found in (("robots", names), ("mountings", mounts)):
         if len(set(found)) > 1:
             value = ", ".join(map(str, found))
@@ -118,10 +126,6 @@ def stored_robot(paths: Sequence[str | Path]) -> tuple[str, str | None]:
                 f"the recordings are of different {what}", value=value, next_step=_NEXT
             )
     name, mount = names[0], next(iter(mounts), "file")
-    if name is None:
-        raise InputError(
-            "the recording does not say which robot it is of", where=str(paths[0]), next_step=_NEXT
-        )
     if Path(name).is_absolute() and not Path(name).exists():
         raise InputError(
             "the robot file of the recording does not exist any more",
