@@ -236,6 +236,34 @@ def test_nothing_fails_before_the_server_has_answered(
     page.close()
 
 
+@pytest.mark.parametrize(
+    ("found", "labels"),
+    [
+        ([0.00294, 0.00081], ["8.1e-4", "2.9e-3"]),
+        ([75.63, 12.345], ["12.3", "75.6"]),
+        ([-460.48, -560.39], ["-560", "-460"]),
+    ],
+)
+def test_the_criterion_of_a_search_is_labelled_as_it_is(
+    visited: Visited, found: list[float], labels: list[str]
+) -> None:
+    history = [[k, value] for k, value in enumerate(found)]
+    said = visited(1400).page.evaluate(
+        """async (history) => {
+          const { Plots } = await import("/plots.js"), said = [];
+          const plots = new Plots(document.createElement("canvas"), document.createElement("ul"));
+          plots.canvas.getContext = () => new Proxy({}, {
+            get: (_, name) => (name === "fillText" ? (text) => said.push(text) : () => {}),
+            set: () => true,
+          });
+          plots.drawSearch(history, {});
+          return said;
+        }""",
+        history,
+    )
+    assert set(labels) <= {text.replace("\N{MINUS SIGN}", "-") for text in said}
+
+
 def test_the_button_works_again_after_a_refusal(visited: Visited, studio: tuple[Page, str]) -> None:
     session = studio[0].session
     visit = visited(1400)

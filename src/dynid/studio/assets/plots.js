@@ -10,6 +10,11 @@ export const digits = (x) => {
   return /[1-9]/.test(text) ? text.replace("-", "−") : text.replace("-", "");
 };
 
+const short = (x) => {
+  const text = x && Math.abs(x) < 0.01 ? x.toExponential(1) : String(+x.toPrecision(3));
+  return text.replaceAll("-", "−");
+};
+
 // The index of the last time that is not after t.
 export function before(t, at) {
   let low = 0, high = t.length - 1;
@@ -227,8 +232,9 @@ export class Plots {
       pen.stroke();
     }
   }
-  // The criterion of a search as it falls.
+  // The criterion of a search as it falls. That of d-opt, a logarithm itself, is below zero.
   drawSearch(history, ink) {
+    const positive = history.every(([, v]) => v > 0);
     const canvas = this.canvas, ratio = Math.min(devicePixelRatio || 1, 2);
     const wide = canvas.clientWidth, height = this.joints.length * ROW + AXIS;
     canvas.style.height = `${height}px`;
@@ -237,16 +243,16 @@ export class Plots {
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.font = "12px system-ui, sans-serif";
     pen.fillStyle = ink.ink2;
-    pen.fillText("Criterion, best so far (logarithmic)", 52, 14);
+    pen.fillText(`Criterion, best so far${positive ? " (logarithmic)" : ""}`, 52, 14);
     pen.textAlign = "end";
     pen.fillText("time [s]", wide - 6, height - 2);
     if (history.length < 1) return;
-    const end = Math.max(history.at(-1)[0] * 1.05, 1), values = history.map(([, v]) => Math.log(Math.max(v, 1e-300)));
+    const end = Math.max(history.at(-1)[0] * 1.05, 1), values = history.map(([, v]) => (positive ? Math.log(v) : v));
     const low = Math.min(...values), high = Math.max(...values, low + 1e-6);
     const x = (t) => 52 + (wide - 62) * t / end;
     const y = (v) => 28 + (height - 62) * (high - v) / (high - low);
     for (const v of [high, low]) {
-      pen.fillText(digits(Math.exp(v)), 46, y(v) + 4);
+      pen.fillText(short(positive ? Math.exp(v) : v), 46, y(v) + 4);
       pen.fillRect(52, y(v), wide - 62, 0.5);
     }
     pen.strokeStyle = ink.pred;
