@@ -1,6 +1,7 @@
 """From files to files: `dynid identify`, `dynid validate`, and `dynid fit`, the whole job."""
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -85,12 +86,15 @@ def identify_files(
                     value=f"{len(records)} recordings",
                     next_step="Name it with --validate RECORD.",
                 )
-            other = _window_of(records[0], validation_start_s, validation_stop_s)
+            with _of_validation():
+                other = _window_of(records[0], validation_start_s, validation_stop_s)
             if not isinstance(records[0], ExperimentRecord):
                 validation_start_s = validation_stop_s = None
         if other is not None:
             # A wrong window must not cost the time of an identification first.
-            window(other.t, validation_start_s, validation_stop_s)
+            with _of_validation():
+                ProcessingSettings(start_s=validation_start_s, stop_s=validation_stop_s)
+                window(other.t, validation_start_s, validation_stop_s)
         with workers(jobs, dask) as beside:
             result = identify(
                 records,
@@ -108,6 +112,17 @@ def identify_files(
         return result
 
 
+@contextmanager
+def _of_validation() -> Generator[None]:
+    """What is wrong with a window is told of the options of the validation."""
+    try:
+        yield
+    except InputError as error:
+        facts = {name: getattr(error, name) for name in ("what", "where")}
+        named = {name: text and text.replace("--", "--validate-") for name, text in facts.items()}
+        raise error.changed(**named) from error
+
+
 def _window_of(
     record: AnyRecording, start_s: float | None, stop_s: float | None
 ) -> ExperimentRecord:
@@ -118,7 +133,7 @@ def _window_of(
     if grid.last_row - grid.first_row > LONG:
         raise InputError(
             "the window is too long to be predicted at once",
-            where="--validate-from, --validate-to",
+            where="--from, --to",
             value=f"{grid.last_row - grid.first_row} rows",
             limit=f"{LONG} rows",
         )
