@@ -90,6 +90,13 @@ def test_between_the_runs_a_signal_ends_the_rounds_at_once(
     assert not (tmp_path / "run_2.parquet").exists()
 
 
+def test_a_recording_in_the_way_is_told_before_the_search(first: Path, tmp_path: Path) -> None:
+    (tmp_path / "run_2.parquet").touch()
+    with pytest.raises(InputError, match=r"run_2\.parquet: the file exists"):
+        run_until(first, tmp_path / "run.parquet", 0.01, **QUICK)
+    assert not (tmp_path / "run_2_design.json").exists()
+
+
 def test_an_accuracy_that_is_no_share_moves_nothing(
     first: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -169,7 +169,7 @@ def run_until(
         record = path if number == 1 else path.with_name(f"{path.stem}_{number}{path.suffix}")
         if number > 1:
             place = path.with_name(f"{path.stem}_{number}_design.json")
-            require_absent(place, force=asked.force)
+            require_absent(place, record, force=asked.force)
             previous = (*again.previous, *map(str, records))
             more = replace(again, previous=previous, seed=again.seed + number - 1)
             robot = stored.stored.robot if asked.robot is None else asked.robot
