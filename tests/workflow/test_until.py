@@ -90,6 +90,14 @@ def test_between_the_runs_a_signal_ends_the_rounds_at_once(
     assert not (tmp_path / "run_2.parquet").exists()
 
 
+def test_further_motions_are_for_the_load_of_the_run(first: Path, tmp_path: Path) -> None:
+    load = (0.05, 0.0, 0.0, 0.02)
+    loaded = {**QUICK, "settings": RunSettings(repeat=2, payload=load)}
+    run_until(first, tmp_path / "run.parquet", 0.01, **loaded)
+    second = json.loads((tmp_path / "run_2_design.json").read_text())
+    assert tuple(second["design"]["limits"]["payload"]) == load
+
+
 def test_a_recording_in_the_way_is_told_before_the_search(first: Path, tmp_path: Path) -> None:
     (tmp_path / "run_2.parquet").touch()
     with pytest.raises(InputError, match=r"run_2\.parquet: the file exists"):

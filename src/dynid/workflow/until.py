@@ -16,7 +16,7 @@ from dynid.experiment import interruptible
 from dynid.recording import open_several
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
-from dynid.settings import DesignSettings, IdentifySettings, RunSettings
+from dynid.settings import DesignSettings, IdentifySettings, RunSettings, SceneSettings
 from dynid.trajectory import JointMotion
 from dynid.workflow.design_files import (
     DesignLike,
@@ -161,6 +161,9 @@ def run_until(
         write_design(first, place, robot=asked.robot)
     stored = read_design(place, robot=asked.robot, mount=asked.mount, mesh_dirs=asked.mesh_dirs)
     again = _settings(stored, place)
+    # Further motions are for the surroundings, and the load, that the robot runs with.
+    around = {item.name: getattr(asked, item.name) for item in fields(SceneSettings)}
+    again = replace(again, **{name: x for name, x in around.items() if x is not None})
     motions = _purpose(stored, again)
     rounds: list[Round] = []
     records: list[Path] = []
