@@ -188,6 +188,17 @@ def test_one_that_has_moved_is_named_and_others_are_refused(
     assert not list(tmp_path.glob("*other*"))
 
 
+def test_the_robot_s_own_urdf_is_never_replaced(mine: Path, tmp_path: Path) -> None:
+    robot = load_robot(mine)
+    estimate = estimate_of(robot, parameters_of(robot, 5))
+    write_estimate(estimate, tmp_path / "estimate.json")
+    before = mine.read_bytes()
+    for more in ([], ["--urdf", str(mine)]):
+        words = ["export", str(tmp_path / "estimate.json"), "--to", "urdf", "-o", str(mine), *more]
+        assert main([*words, "--force"]) == 2
+        assert mine.read_bytes() == before
+
+
 def test_joints_that_a_robot_file_renames_are_those_of_no_urdf(mine: Path, tmp_path: Path) -> None:
     (tmp_path / "arm.toml").write_text(f'joint_names = ["a", "b", "c"]\n{ROBOT_FILE}')
     robot = load_robot(tmp_path / "arm.toml")
