@@ -23,6 +23,8 @@ BAD_USAGE = {
     "thermal state": ["--thermal", "lukewarm"],
     "built-in robot": ["--robot", "r2d2"],
     "folder of programs": ["--programs", "nowhere/at/all"],
+    "--truth: the file exists": ["--truth", "."],
+    "--report: the file exists": ["--report", "."],
 }
 
 

@@ -99,6 +99,13 @@ class ControllerSettings:
         object.__setattr__(self, "version", version)
         object.__setattr__(self, "start", _thermal(self.thermal))
         for where, path in (("--truth", self.truth), ("--report", self.report)):
+            if path is not None and os.path.exists(path):
+                raise InputError(
+                    "the file exists, and nothing is replaced",
+                    where=where,
+                    value=str(path),
+                    next_step="Name another file.",
+                )
             if path is not None and not os.path.isdir(path.parent):
                 raise InputError(
                     "the output's directory does not exist",
