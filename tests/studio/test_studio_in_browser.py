@@ -236,6 +236,33 @@ def test_nothing_fails_before_the_server_has_answered(
     page.close()
 
 
+def test_a_run_is_shown_while_no_motion_is_chosen(visited: Visited) -> None:
+    visit = visited(1400)
+    kept = "window.kept = { state: app.state, motion: app.motion }"
+    job = "{ id: 1, kind: 'run', what: 'the arm moves', share: 0, repeat: 3, ended: false }"
+    live = "{ id: 1, t: [0, 1], q: Array(12).fill(0), values: {}, at: 0, samples: 2 }"
+    state = f"app.state = {{ ...app.state, job: {job} }}"
+    visit.app(f"{{ {kept}; {state}; app.motion = app.group = null; app.live = {live}; }}")
+    visit.page.locator("#title", has_text="the arm moves").wait_for()
+    visit.app("{ Object.assign(app, window.kept, { live: null }); app.render(); }")
+    visit.check()
+
+
+def test_no_motion_may_be_chosen(visited: Visited, studio: tuple[Page, str]) -> None:
+    visit = visited(1400)
+    visit.step("Design")
+    shown = visit.page.locator("#f-motion")
+    before = shown.input_value()
+    assert before
+    shown.select_option("")
+    visit.page.locator("#title", has_text="no motion yet").wait_for()
+    until(lambda: visit.page.locator("#plothead button").count() == 0, visit)
+    shown.select_option(before)
+    visit.page.locator("#title", has_text=before).wait_for()
+    assert studio[0].session.motion.name == before
+    visit.check()
+
+
 @pytest.mark.parametrize(
     ("found", "labels"),
     [

@@ -316,7 +316,8 @@ function headline(at) {
   if (app.pose) [text, more] = ["Manual pose", "the motion is kept"];
   if (job && !job.ended) {
     if (job.kind === "run") {
-      text = app.live && app.live.t.length
+      // Somebody may have chosen to show no motion meanwhile.
+      text = app.motion && app.live && app.live.t.length
         ? `Period ${Math.min(Math.floor(at / app.motion.duration) + 1, job.repeat)} of ${job.repeat}`
         : job.ask ? "Waiting for confirmation" : job.what;
     } else [text, more] = [{ design: "Searching", identify: "Identifying", import: "Reading the log" }[job.kind], job.what];
@@ -400,8 +401,8 @@ function arrange() {
   if (group) {
     const job = app.state.job, period = app.live && job.repeat > 1 ? app.motion.duration : 0;
     plots.show(group, duration(), period, app.live);
-    app.group = group;
   }
+  app.group = group;
   dirty = true;
 }
 
