@@ -21,7 +21,13 @@ from dynid.robot import load_robot
 from dynid.settings import IdentifySettings, options_of, parse_thermal
 from dynid.signals import measured_torque
 from dynid.trajectory import rest_series, write_trajectory
-from dynid.workflow import RunSettings, identify_files, run_design, simulate_recording
+from dynid.workflow import (
+    RunSettings,
+    identify_files,
+    open_records,
+    run_design,
+    simulate_recording,
+)
 
 UR5 = load_robot("ur5")
 PERIOD, CYCLES = 2.0, 250
@@ -75,11 +81,13 @@ def test_a_record_tells_the_gains_that_its_robot_does_not(tmp_path: Path) -> Non
 
 @pytest.mark.usefixtures("undiagnosed_once")
 def test_identification_takes_the_mounting_of_the_run(design: Path, tmp_path: Path) -> None:
-    """Not that of the robot's file; where the robot is named, `--mount` says it."""
+    """Also where the robot is named, unless `--mount` or its file says another."""
     path = tmp_path / "run.parquet"
     run_design(design, path, settings=RunSettings(mount="wall"))
-    found = identify_files([path], settings=IdentifySettings(preset="paper"))
-    assert found.estimate.model.robot.mount == "wall"
+    for robot in (None, "ur5"):
+        found = identify_files([path], robot=robot, settings=IdentifySettings(preset="paper"))
+        assert found.estimate.model.robot.mount == "wall"
+        assert open_records([path], robot)[1].mount == "wall"
     ceiling = IdentifySettings(preset="paper", mount="ceiling")
     found = identify_files([path], robot="ur5", settings=ceiling)
     np.testing.assert_allclose(found.estimate.model.robot.gravity, -UR5.gravity)

@@ -36,6 +36,7 @@ from dynid.workflow.choosing import (
     require_torques,
 )
 from dynid.workflow.long_recordings import Looked, fit_long
+from dynid.workflow.recordings import as_mounted
 
 PROMISED = "predicted_torque_error_percent"
 """Key of a recording's metadata: what its design promises for the periods recorded."""
@@ -227,6 +228,7 @@ def identify(
     settings = settings or IdentifySettings()
     robot = with_carried(load_robot(robot, mount=settings.mount, collision=False))
     several = recording.open_any(recording.as_list(records), robot)
+    robot = robot if settings.mount else as_mounted(robot, several)
     held = [record for record in several if isinstance(record, recording.ExperimentRecord)]
     # Of those that stay in their files, a part is checked when it is looked at.
     stored = [record for record in several if isinstance(record, recording.StoredRecording)]

@@ -9,7 +9,7 @@ import numpy as np
 
 from dynid import recording
 from dynid.core import InputError, JobError, require_absent, told
-from dynid.robot import RobotLike, RobotModel, builtin_names, load_robot
+from dynid.robot import RobotLike, RobotModel, builtin_names, load_robot, with_mount
 from dynid.settings import ImportOptions
 from dynid.workflow.shared_inertias import TARGETS, identify_gains
 
@@ -85,7 +85,20 @@ def open_records(
         InputError: No recordings, a robot that is not known, or recordings that do not fit it.
     """
     model = robot_of(paths, robot)
-    return recording.open_several(paths, model, gains), model
+    records = recording.open_several(paths, model, gains)
+    return records, as_mounted(model, records)
+
+
+USUAL_MOUNT = "floor"
+"""Of a robot of which nobody has said another."""
+
+
+def as_mounted(robot: RobotModel, records: Sequence[recording.AnyRecording]) -> RobotModel:
+    """The robot on the mounting that its recordings remember, where it says no other itself."""
+    said = {record.metadata.extra.get("mount", "file") for record in records} - {"file"}
+    if robot.mount != USUAL_MOUNT or len(said) != 1:
+        return robot
+    return with_mount(robot, said.pop())
 
 
 def robot_of(paths: Sequence[str | Path], robot: RobotLike | None = None) -> RobotModel:
