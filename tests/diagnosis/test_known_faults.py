@@ -27,7 +27,7 @@ from dynid.diagnosis.events import torque_deviations
 from dynid.diagnosis.hypotheses import hypotheses
 from dynid.diagnosis.residual import correlation_length, fits, reference
 from dynid.recording import ExperimentRecord, RecordMetadata
-from dynid.robot import load_robot, robot_from_chain, with_mount
+from dynid.robot import from_body, load_robot, robot_from_chain, with_mount
 from dynid.signals import ProcessingSettings, default_cutoff, process
 
 ROOT = Path(__file__).parents[2]
@@ -337,6 +337,32 @@ def test_gravity_of_one_link_of_unknown_size_is_no_spring(
         metadata=RecordMetadata(robot="one", joint_names=robot.joint_names),
     )
     assert findings_of(record, robot) == ()
+
+
+@pytest.mark.parametrize(
+    ("published", "factor", "late", "kinds"),
+    [(True, 1.8, 0, ["gain_all"]), (True, 1.0, 4, ["delay"]), (False, 2.0, 0, [])],
+)
+def test_a_single_joint_is_not_measured_by_others(
+    published: bool, factor: float, late: int, kinds: list[str]
+) -> None:
+    """Its gain was that which other joints let expect, its delay as likely as the same delay."""
+    end = np.eye(4)
+    end[0, 3] = 0.5
+    robot = robot_from_chain(
+        placements=np.eye(4)[None], axes=np.array([[0.0, 1.0, 0.0]]), flange=end
+    )
+    link = from_body(5.0, end[:3, 3], 0.02 * np.eye(3))
+    if published:
+        robot = replace(robot, inertias=link[None])
+    sizes = 0.2 * np.array([[[2.0, 2.0, -1.0, 1.0, -0.5]], [[2.0, -2.0, 0.5, -1.0, 1.0]]])
+    t = np.arange(2000) / RATE
+    motion = FourierSeries(period=10.0, offset=np.zeros(1), a=sizes[0], b=sizes[1]).evaluate(t)
+    q, dq, ddq = motion.q, motion.dq, motion.ddq
+    tau = factor * (link[5] * ddq - 9.80665 * link[1] * np.cos(q) + np.tanh(dq / 0.001) + dq)
+    tau += np.random.default_rng(0).normal(scale=0.05, size=tau.shape)
+    record = ExperimentRecord(t=t, signals={"q": q, "effort": np.roll(tau, late, axis=0)})
+    assert [finding.kind for finding in findings_of(record, robot)] == kinds
 
 
 @pytest.mark.parametrize("factor", [1e-3, 0.1, 10.0, 100.0])

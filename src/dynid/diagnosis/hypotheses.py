@@ -246,19 +246,20 @@ def _payload(ref: Reference, values: Array) -> Hypothesis:
 def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
     rec, here = torques.rec, torques.here
     step = float(rec.t[1] - rec.t[0])
-    yield Hypothesis(
-        kind="drive_gain", joints=(j,), unit="1", width=np.array([0.5]), least=0.05,
-        columns=torques.columns(_only(here, j)),
-        undo=lambda r, x: replace(r, tau=_scaled(r.tau, j, 1 / (1 + float(x[0])))),
-        lowest=-1.0,
-    )  # fmt: skip
-    yield Hypothesis(
-        kind="delay", joints=(j,), unit="s", width=np.array([0.05]), least=LEAST_DELAY_S,
-        columns=torques.columns(_only(-np.gradient(torques.smooth, step, axis=0), j)),
-        undo=lambda r, x: replace(r, tau=_shifted(r, float(x[0]), (j,))),
-        # A lead cannot be told from stiction before a reversal.
-        lowest=0.0,
-    )  # fmt: skip
+    if torques.joints > 1:  # Those of a single joint are those of the arm.
+        yield Hypothesis(
+            kind="drive_gain", joints=(j,), unit="1", width=np.array([0.5]), least=0.05,
+            columns=torques.columns(_only(here, j)),
+            undo=lambda r, x: replace(r, tau=_scaled(r.tau, j, 1 / (1 + float(x[0])))),
+            lowest=-1.0,
+        )  # fmt: skip
+        yield Hypothesis(
+            kind="delay", joints=(j,), unit="s", width=np.array([0.05]), least=LEAST_DELAY_S,
+            columns=torques.columns(_only(-np.gradient(torques.smooth, step, axis=0), j)),
+            undo=lambda r, x: replace(r, tau=_shifted(r, float(x[0]), (j,))),
+            # A lead cannot be told from stiction before a reversal.
+            lowest=0.0,
+        )  # fmt: skip
     slides = rec.robot.prismatic[j]
     # A zero of the last joint that is off is the same as another last link.
     if j < torques.joints - 1:
