@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from known_robot import NOISE, recording, ur5
@@ -24,6 +26,8 @@ from dynid.signals import ProcessingSettings, Samples, process
 
 SOLVER = 1e-8
 """Two solvers of the same well-conditioned problem, relative to the standard deviation."""
+SAME_WEIGHTS = 1e-3
+"""Weights that were settled from another start."""
 
 
 def problem_of(samples: Samples) -> IdentificationProblem:
@@ -170,3 +174,21 @@ def test_a_motionless_record_is_a_failed_job() -> None:
     still = ExperimentRecord(t=t, signals={"q": np.zeros((400, 6)), "effort": np.ones((400, 6))})
     with pytest.raises(JobError, match="no effect on any torque"):
         OrdinaryLeastSquares().fit(problem_of(process(still, ur5())))
+
+
+def test_repetitions_that_are_copies_have_no_infinite_weights() -> None:
+    """The scatter between them is zero, of which the first weights were one over."""
+    once = recording(0)
+    count = once.samples
+    twice = ExperimentRecord(
+        t=np.arange(2 * count) / once.rate_hz,
+        signals={name: np.tile(once.signals[name], (2, 1)) for name in ("q", "effort")},
+    )
+    copied = process(twice, ur5(), ProcessingSettings(period_s=count / once.rate_hz))
+    assert copied.noise is not None
+    assert not copied.noise.any()
+    found, usual = (
+        WeightedLeastSquares().fit(problem_of(samples))
+        for samples in (copied, replace(copied, noise=None))
+    )
+    assert found.noise == pytest.approx(usual.noise, rel=SAME_WEIGHTS)

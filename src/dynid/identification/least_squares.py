@@ -21,6 +21,8 @@ from dynid.identification.problem import IdentificationProblem, joint_factors
 
 PRIOR_GAIN = 1.0
 """Standard deviation expected of a parameter's share of the torque, over the torque itself."""
+LEAST_NOISE = 1e-9
+"""Noise of a joint over its torque, at least: less is rounding."""
 MOST_WEIGHTINGS = 20
 SETTLED = 1e-4
 """Iterations stop when no joint's noise, or no residual, changes by more than this share."""
@@ -157,7 +159,10 @@ def reweighted(
     which = np.arange(len(factors)) if groups is None else np.array(groups)
     if len(which) != len(factors):
         raise InputError("one group a joint", value=len(which), limit=len(factors))
-    noise = torque_scale(factors, problem) if measured is None else measured
+    noise = scale = torque_scale(factors, problem)
+    if measured is not None:
+        # Repetitions that are copies show none.
+        noise = np.maximum(measured, LEAST_NOISE * scale)
     for _ in range(MOST_WEIGHTINGS):
         values, _ = solved(1.0 / pooled(noise, which))
         update = residual_noise(factors, values, problem)
@@ -220,7 +225,7 @@ def residual_noise(factors: Array, values: Array, problem: IdentificationProblem
     norms = np.linalg.norm(factors @ np.append(values, -1.0), axis=1)
     freedom = problem.blocks - problem.base.rank / len(factors)
     # A joint that fits to rounding would get an infinite weight.
-    floor = 1e-9 * np.maximum(torque_scale(factors, problem), 1e-9)
+    floor = LEAST_NOISE * np.maximum(torque_scale(factors, problem), 1e-9)
     return np.maximum(norms / np.sqrt(max(freedom, 1.0)), floor)
 
 
