@@ -159,6 +159,28 @@ def test_laws_recover_what_they_are_made_of(law: str) -> None:
     assert at[0] == pytest.approx(9.0 * (1 - 0.002 * step), rel=1e-6)
 
 
+LAWS = ("exponential", "linear")
+
+
+def test_an_exponential_law_goes_through_two_records() -> None:
+    """The first step from their mean moves its slopes alone, and was the last one."""
+    temperature = np.array([20.0, 40.0])
+    values = np.array([[9.2, 13.5], [8.8, 7.4]])
+    unsure = np.diag([0.01, 0.04, 0.02, 0.01])
+    found = fit_law(values, unsure, temperature, ("Fc", "Fv"), law="exponential")
+    through = [found.at(degC)[0] for degC in (20.0, 40.0)]
+    np.testing.assert_allclose(through, values, rtol=1e-9)
+    assert fit_law(values, unsure, temperature, ("Fc", "Fv")).law == "linear"
+
+
+@pytest.mark.parametrize("viscous", [(0.01, -0.01, 0.06), (0.04, 0.0, -0.05)])
+def test_friction_that_is_noise_leaves_a_law(viscous: tuple[float, ...]) -> None:
+    """No exponential changes its sign: the search for one ended the whole job."""
+    values = np.array([[5.0, 5.1, 4.9], viscous]).T
+    unsure = 0.01 * np.diag([1.0, 2.0, 1.0, 1.0, 3.0, 1.0])
+    assert fit_law(values, unsure, np.array([20.0, 28.0, 41.0]), ("Fc", "Fv")).law in LAWS
+
+
 def test_deviations_of_a_law_cover() -> None:
     temperature = np.array([20.0, 28.0, 36.0])
     rise = temperature - temperature.mean()

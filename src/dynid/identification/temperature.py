@@ -108,13 +108,21 @@ def fit_law(
         raise InputError("unknown law", value=law, limit=(*LAWS, "auto"))
     if np.ptp(temperature_degC) < LEAST_SPREAD_K:
         return _fit(values, covariance, temperature_degC, tuple(symbols), "constant")
-    tried = [
-        _fit(values, covariance, temperature_degC, tuple(symbols), word)
-        for word in (LAWS if law == "auto" else (law,))
-    ]
-    return min(tried, key=lambda one: one.chi_squared)
+    if law != "auto":
+        return _fit(values, covariance, temperature_degC, tuple(symbols), law)
+    linear = _fit(values, covariance, temperature_degC, tuple(symbols), "linear")
+    # Through two values both laws go.
+    if len(values) == 2:
+        return linear
+    try:
+        curved = _fit(values, covariance, temperature_degC, tuple(symbols), "exponential")
+    except JobError:
+        # Values that are noise have both signs, which no exponential has.
+        return linear
+    return min(curved, linear, key=lambda one: one.chi_squared)
 
 
+@np.errstate(over="ignore")
 def _fit(
     values: Array, covariance: Array, temperature: Array, symbols: tuple[str, ...], law: str
 ) -> JointTemperatureLaw:
@@ -139,14 +147,18 @@ def _fit(
     for _ in range(ITERATIONS):
         found = [_evaluate(law, symbols, reference, slope, rise) for rise in rises]
         predicted, turn = np.array([v for v, _ in found]), np.vstack([s[:, free] for _, s in found])
+        if not np.isfinite(turn).all():
+            raise _diverged(values, law)
         inner = np.linalg.pinv(white @ turn) @ white
         step = np.zeros(2 * count)
         step[free] = inner @ (values - predicted).ravel()
         reference, slope = reference + step[:count], slope + step[count:]
-        if (np.abs(step[:count]) <= CONVERGED * (np.abs(reference) + 1e-12)).all():
+        # By what it moves the law: a step of the slopes alone is one as well.
+        moved = np.linalg.norm(white @ turn @ step[free])
+        if moved <= CONVERGED * np.linalg.norm(white @ values.ravel()):
             break
     else:
-        raise JobError("the temperature law does not converge", value=law)
+        raise _diverged(values, law)
     gain = np.zeros((2 * count, records * count))
     gain[free] = inner
     predicted = np.array([_evaluate(law, symbols, reference, slope, rise)[0] for rise in rises])
@@ -160,6 +172,14 @@ def _fit(
         reference_degC=reference_degC,
         range_degC=(float(temperature.min()), float(temperature.max())),
         chi_squared=float(np.square(white @ (values - predicted).ravel()).sum()),
+    )
+
+
+def _diverged(values: Array, law: str) -> JobError:
+    return JobError(
+        "the temperature law does not converge",
+        value=f"{law}, friction {values.round(3).tolist()}",
+        next_step="Fit a linear law: friction of both signs falls by no exponential.",
     )
 
 
