@@ -15,6 +15,7 @@ from dynid.cli.app import build
 from dynid.core import Array, InputError
 from dynid.identification import gravity_of
 from dynid.recording import ExperimentRecord, are_poses
+from dynid.robot import robot_from_dh
 
 SEEDS = range(6)
 HELD = 0.85
@@ -131,6 +132,13 @@ def test_what_is_wrong_with_the_table_is_said(table: Path, tmp_path: Path) -> No
         told["code"] for told in data["findings"]
     }
     assert "Findings" in CliRunner().invoke(build(), words).stdout
+
+
+def test_an_arm_whose_axes_are_vertical_has_no_gravity_to_find() -> None:
+    robot = robot_from_dh(a=[0.3, 0.3], d=[0.0, 0.0], alpha=[0.0, 0.0])
+    draw = np.random.default_rng(0)
+    with pytest.raises(InputError, match="no joint carries gravity"):
+        gravity_of(robot, draw.uniform(-1, 1, (40, 2)), draw.normal(size=(40, 2)))
 
 
 def test_poses_have_no_rows_that_could_be_lost(tmp_path: Path) -> None:

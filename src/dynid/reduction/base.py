@@ -246,7 +246,7 @@ def reduce_model(
         static: Of poses at rest: the base parameters are those of gravity.
 
     Raises:
-        InputError: Samples below 1, a tolerance outside (0, 1).
+        InputError: Samples below 1, a tolerance outside (0, 1), or poses without any gravity.
     """
     if samples < 1:
         raise InputError("needs at least one sample", where="--samples", value=samples)
@@ -264,6 +264,13 @@ def reduce_model(
         speed = 2 * np.array(model.friction.stribeck_velocity)
         states.append(random_states(model.robot, rows, seed + 1, speed))
     w = np.vstack([structural.observation_matrix(*some) for some in states])
+    if np.abs(w).max() < ZERO_COLUMN:
+        raise InputError(
+            "no joint carries gravity: all turn about it or slide across it",
+            where=model.robot.name,
+            value=f"gravity {model.robot.gravity.tolist()}",
+            next_step="Check the mounting, or identify from a motion: dynid identify RECORD.",
+        )
     classes = rank_and_classes(w, tolerance)
     independent, dependent, k = regrouping(w, tolerance)
     warnings = (*warnings, *_weak_gap(classes), *_two_ranks(classes.rank, len(independent)))
