@@ -103,6 +103,22 @@ def test_derivatives_equal_central_differences(kind: str, joints: int, seed: int
         assert abs(numeric - exact) <= GRADIENT_WITHIN * scale + 1e-9 * total
 
 
+def test_a_cylinder_relieves_the_motor_that_it_helps() -> None:
+    """Its torque was added to that of gravity, not taken off."""
+    robot = replace(load_robot("ur5"), counterbalances=(replace(CYLINDER, joint=1),))
+    q = random_states(6, 200, 0)[0]
+    rest = np.zeros_like(q)
+    without, beside = (only(arm, "torque").torque for arm in (load_robot("ur5"), robot))
+    assert without is not None
+    assert beside is not None
+    gravity = without.prior.torque(q, rest, rest)
+    left = gravity[:, 1] - robot.counterbalances[0].torque(q[:, 1])
+    margin = without.largest(q, rest, rest)[0] - without.prior.coulomb
+    margin = margin[:, 1] / np.abs(gravity[:, 1])
+    largest = beside.largest(q, rest, rest)[0][:, 1] - beside.prior.coulomb[1]
+    np.testing.assert_allclose(largest, margin * np.abs(left), rtol=1e-9)
+
+
 def test_violation_is_zero_exactly_where_usage_is_feasible() -> None:
     robot = load_robot("ur5")
     judge = everything(robot, None)

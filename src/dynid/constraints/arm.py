@@ -146,6 +146,11 @@ class PriorDynamics:
     notes: tuple[str, ...]
     """What was assumed, in words."""
 
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Torques (N, n) of the motors without Coulomb friction [N.m or N]; motion (N, n)."""
+        rigid = self.model.inverse_dynamics(q, dq, ddq, self.parameters)
+        return rigid - self.model.known_torque(q)
+
 
 def prior_dynamics(robot: RobotModel) -> PriorDynamics | None:
     """The prior of a robot, or None where a mass or a centre of mass is unknown."""
@@ -242,14 +247,14 @@ class TorqueJudge:
 
     def largest(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
         """The largest torques (N, n) [N.m or N] and powers (N) [W] that the prior allows for."""
-        worst = (1.0 + _UNCERTAINTY) * np.abs(self._torque(q, dq, ddq)) + self.prior.coulomb
+        worst = (1.0 + _UNCERTAINTY) * np.abs(self.prior.torque(q, dq, ddq)) + self.prior.coulomb
         return worst, np.sum(worst * np.abs(dq), axis=1)
 
     def violation(
         self, q: Array, dq: Array, ddq: Array, share: float
     ) -> tuple[float, Array, Array, Array]:
         """Sum of squared excesses over `share` of the limits, and its derivatives (N, n)."""
-        torque = self._torque(q, dq, ddq)
+        torque = self.prior.torque(q, dq, ddq)
         grows = (1.0 + _UNCERTAINTY) * np.sign(torque)
         worst = grows * torque + self.prior.coulomb
         limits = share * np.where(np.isnan(self.limits), np.inf, self.limits)
@@ -272,13 +277,8 @@ class TorqueJudge:
             found = torque_adjoint(prior.model, *at, prior.parameters, multipliers)
             for bar, part in zip((q_bar, dq_bar, ddq_bar), found, strict=True):
                 bar[active] += part
-            q_bar[active] += multipliers * self._spring_slope(at[0])
+            q_bar[active] -= multipliers * self._spring_slope(at[0])
         return total, q_bar, dq_bar, ddq_bar
-
-    def _torque(self, q: Array, dq: Array, ddq: Array) -> Array:
-        model = self.prior.model
-        rigid = model.inverse_dynamics(q, dq, ddq, self.prior.parameters)
-        return rigid + model.known_torque(q)
 
     def _spring_slope(self, q: Array) -> Array:
         # Counterbalances act on their own joint alone, so one difference serves all joints.

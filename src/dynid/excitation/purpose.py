@@ -110,9 +110,8 @@ def purpose_of(base: BaseParametrization, motions: Sequence[JointMotion], source
         rows = stack.transpose(1, 0, 2)
         moments += rows @ rows.transpose(0, 2, 1) / (len(motion.q) * len(motions))
         if prior is not None:
-            torque = prior.model.inverse_dynamics(
-                motion.q, motion.dq, motion.ddq, prior.parameters
-            ) + prior.coulomb * np.sign(motion.dq)
+            torque = prior.torque(motion.q, motion.dq, motion.ddq)
+            torque = torque + prior.coulomb * np.sign(motion.dq)
             squares += np.square(torque).mean(axis=0) / len(motions)
     torque = np.full(n, math.nan) if prior is None else np.sqrt(squares)
     return Purpose(source=source, moments=moments, torque=torque, prismatic=tuple(robot.prismatic))

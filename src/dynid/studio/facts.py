@@ -224,8 +224,7 @@ def _expected(model: RobotModel, q: Array, dq: Array, ddq: Array) -> Array | Non
     prior = prior_dynamics(model)
     if prior is None:
         return None
-    rigid = prior.model.inverse_dynamics(q, dq, ddq, prior.parameters)
-    return rigid + prior.model.known_torque(q) + prior.coulomb * np.tanh(dq / 0.02)
+    return prior.torque(q, dq, ddq) + prior.coulomb * np.tanh(dq / 0.02)
 
 
 def _recorded(record: ExperimentRecord, model: RobotModel, slides: bool) -> dict[str, Any]:
