@@ -35,6 +35,8 @@ DATA = ROOT.parent / "shared" / "data"
 MODELS = Path(sysconfig.get_path("purelib"), "cmeel.prefix/share/example-robot-data/robots")
 SIGMAS, FEW_SIGMAS = 4.0, 1.5
 EARLY_OR_LATE_S = 0.25
+CLOCK_WITHIN = 0.002
+"""Positions of rigid joints tell the clock of their velocities."""
 
 
 def faults(folder: Path, wrong: Wrong) -> list[Finding]:
@@ -629,6 +631,18 @@ def test_a_torque_of_zero_is_no_number_that_cannot_be(tmp_path: Path) -> None:
 def test_two_faults_are_told_apart(tmp_path: Path) -> None:
     found = faults(tmp_path, Wrong(scales=(1.0, 1.2, 1.0), tilt_deg=3.0, seconds=40.0))
     assert {f.kind for f in found[:2]} == {"drive_gain", "mounting"}
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.97])
+def test_rows_that_are_lost_are_no_other_clock(tmp_path: Path, scale: float) -> None:
+    """Velocities that were integrated across a gap had not gone as far as the joints had."""
+    whole = recording(Wrong())
+    at_hand = (whole.t < 4.0) | (whole.t > 4.5)
+    signals = {name: values[at_hand] for name, values in whole.signals.items()}
+    signals["qd"] = scale * np.gradient(whole.signals["q"], whole.t, axis=0)[at_hand]
+    found = findings_of(ExperimentRecord(t=whole.t[at_hand], signals=signals), arm(tmp_path))
+    told = [finding.value for finding in found if finding.kind == "clock_scale"]
+    assert told == pytest.approx([scale] if scale != 1.0 else [], rel=CLOCK_WITHIN)
 
 
 def test_for_many_joints_it_is_said_that_nothing_was_looked_for(tmp_path: Path) -> None:

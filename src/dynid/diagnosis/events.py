@@ -8,7 +8,7 @@ from dynid.core import Array, Indices, Mask, scipy_part
 from dynid.diagnosis.residual import SHAPES, STEPPED, Recording, Reference, correlation_length, fits
 from dynid.identification import wave_power
 from dynid.robot import RobotModel
-from dynid.signals import find_period
+from dynid.signals import GAP_STEPS, find_period
 
 WINDOW_S = 0.2
 USUAL = ((70.0, 1.036), (90.0, 1.645), (90.0, 1.645))
@@ -344,9 +344,14 @@ def travels(q: Array) -> Mask:
 
 def clock_scale(t: Array, q: Array, dq: Array) -> float:
     """Time of the stamps over time of the velocities: positions against integrated velocities."""
-    travelled = np.zeros_like(q)
-    travelled[1:] = np.cumsum((dq[1:] + dq[:-1]) / 2 * np.diff(t)[:, None], axis=0)
-    a, b = travelled - travelled.mean(axis=0), q - q.mean(axis=0)
+    steps = np.diff(t)
+    a, b = np.zeros_like(q), q.copy()
+    a[1:] = np.cumsum((dq[1:] + dq[:-1]) / 2 * steps[:, None], axis=0)
+    # How far joints went within a gap, velocities beside it do not tell.
+    starts = np.flatnonzero(steps > GAP_STEPS * np.median(steps)) + 1
+    for part in np.split(np.arange(len(t)), starts):
+        a[part] -= a[part].mean(axis=0)
+        b[part] -= b[part].mean(axis=0)
     moves = travels(q)
     ratios = (a * b).sum(axis=0) / np.maximum(np.square(b).sum(axis=0), 1e-12)
     return float(np.median(ratios[moves]))

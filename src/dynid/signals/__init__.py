@@ -22,6 +22,7 @@ from dynid.signals.process import process as process
 from dynid.signals.process import samples_at_stamps as samples_at_stamps
 from dynid.signals.process import samples_from as samples_from
 from dynid.signals.process import uniform_signals as uniform_signals
+from dynid.signals.resample import GAP_STEPS as GAP_STEPS
 from dynid.signals.resample import UniformSignals as UniformSignals
 from dynid.signals.resample import at_one_rate as at_one_rate
 from dynid.signals.resample import find_period as find_period
