@@ -252,6 +252,8 @@ class LongSignals:
         torque = measured_torque(part, self.robot)
         qd, rate = part.signals.get("qd"), self.grid.rate_hz
         valid = np.ones(last - first)
+        for a, b in self.grid.gaps:
+            valid[max(a - first, 0) : max(b - first, 0)] = 0.0
         if self.grid.uniform:
             return resample.UniformSignals(
                 t=part.t, rate_hz=rate, q=part.signals["q"], qd=qd, torque=torque, valid=valid

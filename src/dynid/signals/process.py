@@ -194,6 +194,8 @@ TIME_CONSTANTS = 5.0
 BLOCK_RATE_HZ = 250.0
 """Means of blocks where data are thinned, whatever the cut-off: errors of several compare."""
 MIN_SAMPLES = 16
+LEAST_STRETCH = 4
+"""Of so few samples between gaps `unsettled` leaves none."""
 
 
 def uniform_signals(
@@ -306,14 +308,32 @@ def filtered_motion(
     Raises:
         InputError: Measured velocities are asked for, and there are none.
     """
-    rate = signals.rate_hz
-    q = filters.low_pass(signals.q, rate, cutoff_hz)
-    if settings.velocity == "measured":
-        if signals.qd is None:
-            raise InputError("the recording has no velocities qd", value="velocity=measured")
-        dq = filters.low_pass(signals.qd, rate, cutoff_hz)
-    else:
+    qd = signals.qd if settings.velocity == "measured" else None
+    if settings.velocity == "measured" and qd is None:
+        raise InputError("the recording has no velocities qd", value="velocity=measured")
+    # Each stretch alone: what bridges a gap is no motion, and would be smeared into what is.
+    valid = signals.valid > 0.5
+    stretches = np.split(np.arange(len(valid)), np.flatnonzero(np.diff(valid)) + 1)
+    out = signals.q.copy(), np.zeros_like(signals.q), np.zeros_like(signals.q)
+    for stretch in stretches:
+        # Of shorter ones nothing is kept.
+        if valid[stretch[0]] and len(stretch) > LEAST_STRETCH:
+            part = slice(stretch[0], stretch[-1] + 1)
+            measured = None if qd is None else qd[part]
+            found = _filtered(signals.q[part], measured, signals.rate_hz, settings, cutoff_hz)
+            for whole, values in zip(out, found, strict=True):
+                whole[part] = values
+    return out
+
+
+def _filtered(
+    q: Array, qd: Array | None, rate: float, settings: ProcessingSettings, cutoff_hz: float
+) -> tuple[Array, Array, Array]:
+    q = filters.low_pass(q, rate, cutoff_hz)
+    if qd is None:
         dq = filters.derivative(q, rate, settings.derivative, cutoff_hz)
+    else:
+        dq = filters.low_pass(qd, rate, cutoff_hz)
     return q, dq, filters.derivative(dq, rate, settings.derivative, cutoff_hz)
 
 
