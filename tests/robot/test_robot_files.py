@@ -152,6 +152,15 @@ def test_urdf_beside_the_file(tmp_path: Path) -> None:
         load_robot(tmp_path / "two.toml")
 
 
+def test_a_linked_file_is_found_again_where_its_urdf_lies(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(ARM)
+    (tmp_path / "store").mkdir()
+    (tmp_path / "store" / "7.toml").write_text('urdf = "arm.urdf"\ntip = "tool0"')
+    link = tmp_path / "arm.toml"
+    link.symlink_to(tmp_path / "store" / "7.toml")
+    assert load_robot(load_robot(link).file).joint_names == load_robot(link).joint_names
+
+
 DH = '[dh]\nconvention="standard"\na=[1, 1]\nd=[0, 0]\nalpha=[0, 0]\n'
 CYLINDER = FULL[FULL.index("[[counterbalance]]") : FULL.index("[[capsule]]")]
 BROKEN = {

@@ -26,7 +26,7 @@ def robot_reference(robot: RobotLike) -> str:
     text = str(robot)
     if text.lower() in builtin_names():
         return text.lower()
-    return str(Path(text).expanduser().resolve())
+    return str(Path(text).expanduser().absolute())
 
 
 def of_robot(record: recording.ExperimentRecord, robot: RobotLike) -> recording.ExperimentRecord:
