@@ -1,4 +1,4 @@
-"""Typed tables (Parquet, Arrow, workbooks) and named arrays (MATLAB, HDF5, NumPy, JSON).
+"""Typed tables (Parquet, Arrow) and named arrays (MATLAB, HDF5, NumPy, JSON).
 
 SciPy reads MATLAB files of version 5 to 7, variable by variable, so that a damaged or cut one costs
 no other. On some damaged files (1 of 600 random mutations) it ends the interpreter: that is the
@@ -7,13 +7,11 @@ reading process of its own, which the caller sees as one error.
 
 import importlib
 import json
-import re
 import struct
 import warnings
 import zipfile
 import zlib
 from dataclasses import dataclass, field, replace
-from datetime import date, datetime, time, timedelta
 from io import BytesIO
 from itertools import chain
 from pathlib import Path
@@ -30,8 +28,6 @@ from dynid.recording.table import RawTable, ReadOptions
 from dynid.recording.variables import moments_of, numbers_of, table_of
 
 _MAX_ITEMS = 200
-_FEWEST_ROWS = 3
-_AS_CSV = "Save the sheet as CSV."
 
 
 def read_frame(files: list[Path], options: ReadOptions, budget: Budget) -> RawTable:
@@ -110,53 +106,6 @@ def _columns(name: str, column: Any) -> list[tuple[str, Array]]:
         return [(name, np.asarray(column.to_numpy(zero_copy_only=False), dtype=np.float64))]
     found = moments_of(map(str, column.to_pylist())) if _is_text(types, kind) else None
     return [] if found is None else [(f"{name} [s]", found)]
-
-
-def write_sheet(path: Path, target: Path) -> None:
-    """Write the only sheet of numbers of a workbook as text, with tabs between cells.
-
-    Raises:
-        RecordError: Damaged, or none or several sheets of numbers.
-        MissingExtraError: Without the `excel` extra.
-    """
-    library = require("python_calamine", "excel")
-    with refused("the workbook is damaged", _AS_CSV):
-        book = library.CalamineWorkbook.from_path(str(path))
-        names: list[str] = book.sheet_names
-        full = [sheet for sheet in map(book.get_sheet_by_name, names) if _has_numbers(sheet)]
-        if len(full) != 1:
-            raise RecordError(
-                f"the workbook has {len(full) or 'no'} sheets of numbers",
-                value=names[:20],
-                next_step=_AS_CSV,
-            )
-        with target.open("w", encoding="utf-8") as sink:
-            for row in full[0].iter_rows():
-                sink.write("\t".join(map(_cell, row)).rstrip("\t") + "\n")
-
-
-def _has_numbers(sheet: Any) -> bool:
-    """Whether at least some rows are mostly numbers."""
-    found = 0
-    for row in sheet.iter_rows():
-        numbers = sum(isinstance(cell, (int, float)) for cell in row)
-        found += numbers > 1 and 2 * numbers > sum(cell != "" for cell in row)
-        if found >= _FEWEST_ROWS:
-            return True
-    return False
-
-
-def _cell(value: Any) -> str:
-    if isinstance(value, (datetime, time)):
-        return value.isoformat()
-    if isinstance(value, date):
-        # Midnight is no less a stamp than those after it.
-        return f"{value}T00:00:00"
-    if isinstance(value, timedelta):
-        return repr(value.total_seconds())
-    text = " ".join(str(value).split())
-    # `#DIV/0!` is no value; `#t` is a name.
-    return "" if re.fullmatch(r"#[A-Z/0_]+[!?]|#N/A|#GETTING_DATA", text) else text
 
 
 _MAX_VARIABLES, _MAX_ELEMENTS, _MAX_DEPTH = 5000, 200, 12

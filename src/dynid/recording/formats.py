@@ -8,11 +8,11 @@ import tempfile
 import zipfile
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager, suppress
+from datetime import date, datetime, time, timedelta
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
-from dynid.core import RecordError
-from dynid.recording.arrayfiles import write_sheet
+from dynid.core import RecordError, require
 from dynid.recording.content import Budget, first_bytes, refused, zstd_module
 from dynid.recording.dialect import looks_like_text
 from dynid.recording.store import MARK, is_own
@@ -71,7 +71,7 @@ def unpacked(files: Sequence[Path], budget: Budget) -> Generator[list[Path]]:
 
 def _unpack(file: Path, kind: str, target: Path, room: int) -> None:
     if kind == "workbook":
-        write_sheet(file, target)
+        _write_sheet(file, target)
         return
     step = "Copy it again, or unpack what is left of it and import that."
     with (
@@ -92,6 +92,57 @@ def _unpack(file: Path, kind: str, target: Path, room: int) -> None:
             sink.write(block)
         if written == 0:
             raise RecordError("the compressed file is empty")
+
+
+_FEWEST_ROWS = 3
+_AS_CSV = "Save the sheet as CSV."
+
+
+def _write_sheet(path: Path, target: Path) -> None:
+    """Write the only sheet of numbers of a workbook as text, with tabs between cells.
+
+    Raises:
+        RecordError: Damaged, or none or several sheets of numbers.
+        MissingExtraError: Without the `excel` extra.
+    """
+    library = require("python_calamine", "excel")
+    with refused("the workbook is damaged", _AS_CSV):
+        book = library.CalamineWorkbook.from_path(str(path))
+        names: list[str] = book.sheet_names
+        full = [sheet for sheet in map(book.get_sheet_by_name, names) if _has_numbers(sheet)]
+        if len(full) != 1:
+            raise RecordError(
+                f"the workbook has {len(full) or 'no'} sheets of numbers",
+                value=names[:20],
+                next_step=_AS_CSV,
+            )
+        with target.open("w", encoding="utf-8") as sink:
+            for row in full[0].iter_rows():
+                sink.write("\t".join(map(_cell, row)).rstrip("\t") + "\n")
+
+
+def _has_numbers(sheet: Any) -> bool:
+    """Whether at least some rows are mostly numbers."""
+    found = 0
+    for row in sheet.iter_rows():
+        numbers = sum(isinstance(cell, (int, float)) for cell in row)
+        found += numbers > 1 and 2 * numbers > sum(cell != "" for cell in row)
+        if found >= _FEWEST_ROWS:
+            return True
+    return False
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, (datetime, time)):
+        return value.isoformat()
+    if isinstance(value, date):
+        # Midnight is no less a stamp than those after it.
+        return f"{value}T00:00:00"
+    if isinstance(value, timedelta):
+        return repr(value.total_seconds())
+    text = " ".join(str(value).split())
+    # `#DIV/0!` is no value; `#t` is a name.
+    return "" if re.fullmatch(r"#[A-Z/0_]+[!?]|#N/A|#GETTING_DATA", text) else text
 
 
 _ENCRYPTED = 1
