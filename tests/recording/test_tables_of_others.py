@@ -24,9 +24,10 @@ from dynid.robot import load_robot
 from dynid.workflow import open_records
 
 MOTION = Motion(samples=400)
+EXACT = 1e-12
 
 
-def check(record, *, atol: float = 1e-12) -> None:
+def check(record, *, atol: float = EXACT) -> None:
     assert record.problems == ()
     assert record.samples == MOTION.samples
     np.testing.assert_allclose(record.t, MOTION.t - MOTION.t[0], atol=1e-6)
@@ -308,11 +309,28 @@ def test_json(tmp_path: Path, layout: str) -> None:
         path.write_text("\n".join(map(json.dumps, rows)) + "\n")
     check(read_recording(path, robot=load_robot("ur5")))
     path.write_text(path.read_text()[:-20])
-    if layout != "lines":
-        with pytest.raises(RecordError, match="JSON file is damaged") as caught:
-            read_recording(path)
-        # Where it is damaged: the arrays stand in one line.
-        assert ("line 1 " in str(caught.value)) == (layout == "arrays")
+    if layout == "lines":
+        cut = read_recording(path)
+        assert cut.samples == MOTION.samples - 1
+        assert [problem.kind for problem in cut.problems] == ["truncated_file"]
+        return
+    with pytest.raises(RecordError, match="JSON file is damaged") as caught:
+        read_recording(path)
+    # Where it is damaged: the arrays stand in one line.
+    assert ("line 1 " in str(caught.value)) == (layout == "arrays")
+
+
+@pytest.mark.parametrize("fault", ["half a line", "no key", "null"])
+def test_a_faulty_line_of_json_costs_its_row_alone(tmp_path: Path, fault: str) -> None:
+    path = messages(tmp_path / "x.jsonl")
+    lines = path.read_text().splitlines()
+    faulty = {"half a line": lines[7][:90], "no key": '{"effort": null}', "null": "null"}
+    path.write_text("\n".join([*lines[:7], faulty[fault], *lines[8:]]))
+    record = read_recording(path, robot=load_robot("ur5"))
+    assert [problem.kind for problem in record.problems] == ["corrupt_rows"]
+    there = np.delete(np.arange(MOTION.samples), 7)
+    q = MOTION.position(MOTION.t[there])
+    np.testing.assert_allclose(record.signals["q"], q, atol=EXACT)
 
 
 @pytest.mark.parametrize("layout", ["columns", "objects", "lines"])

@@ -153,14 +153,16 @@ class _Contents:
     def _collect_list(self, rows: list[Any], path: str, depth: int) -> None:
         known = [row for row in rows if row is not None]
         if known and all(isinstance(row, dict) for row in known):
-            # One object a row: each field becomes an array, as far as all rows have it.
-            names = [name for name in known[0] if all(name in row for row in known)]
-            fields = {name: [row and row[name] for row in rows] for name in names}
+            # One object a row: each field becomes an array; a row without it has no value.
+            names = dict.fromkeys(chain.from_iterable(known))
+            fields = {name: [row and row.get(name) for row in rows] for name in names}
             self.collect(fields, path, depth)
             return
         # What is null is missing; in place of a list, all of it.
         width = len(cast("list[Any]", known[0])) if known and isinstance(known[0], list) else 0
-        rows = [[None] * width or None if row is None else row for row in rows]
+        # The joints' names stand in any of the rows.
+        named = width > 0 and holds_names(path)
+        rows = known if named else [[None] * width or None if row is None else row for row in rows]
         try:
             array = np.array(rows)
             array = np.array(rows, dtype=np.float64) if array.dtype.kind == "O" else array
@@ -326,22 +328,26 @@ def read_npz(files: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
 
 
 def _json_lines(text: str) -> list[object]:
-    """The values of a text of one value a line; none where its first line is no value."""
+    """The values of a text of one value a line; none where its first line is no value.
+
+    A line that is no value is None, as a row without numbers.
+    """
     lines = [line for line in text.splitlines() if line.strip()]
     found: list[object] = []
     for line in lines if len(lines) > 1 else []:
         try:
             found.append(parse_json(line))
         except json.JSONDecodeError:
-            if found:
-                raise
-            break
+            if not found:
+                break
+            found.append(None)
     return found
 
 
 def read_json(files: list[Path], options: ReadOptions, budget: Budget) -> RawTable:
     """Read arrays of numbers from a JSON file; see `Reader`."""
-    data, contents = all_bytes(files[0], _MAX_JSON_BYTES), _Contents()
+    path, contents, cut = files[0], _Contents(), False
+    data = all_bytes(path, _MAX_JSON_BYTES)
     with refused("the JSON file is damaged"):
         text = data.decode("utf-8-sig")
         try:
@@ -350,9 +356,15 @@ def read_json(files: list[Path], options: ReadOptions, budget: Budget) -> RawTab
             content = _json_lines(text)
             if not content:
                 raise damage from None
+            if cut := content[-1] is None:
+                content.pop()
     if isinstance(content, dict | list):
         contents.collect(content, "")
-    return table_of(contents.arrays, options, contents.names)
+    table = table_of(contents.arrays, options, contents.names)
+    if cut:
+        text = f"the last line of {path.name} stops in the middle; it is left out"
+        table = table.report("truncated_file", text)
+    return table
 
 
 _HEADER = 128
