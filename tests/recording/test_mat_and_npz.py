@@ -128,21 +128,25 @@ def test_vectors_of_joints_in_different_units_are_refused(tmp_path: Path) -> Non
         read_recording(tmp_path / "x.npz")
 
 
+@pytest.mark.parametrize("run", ["run", "trial_"])
 @pytest.mark.parametrize("robot", [None, "ur5"])
 def test_two_runs_in_one_file_state_the_columns_of_the_first(
-    tmp_path: Path, robot: str | None
+    tmp_path: Path, robot: str | None, run: str
 ) -> None:
     motion = Motion()
     t = motion.t
-    run = {"t": t, "q": motion.position(t), "qd": motion.velocity(t), "tau": motion.current(t)}
-    scipy.io.savemat(tmp_path / "x.mat", {"run1": run, "run2": run})
+    arrays = {"t": t, "q": motion.position(t), "qd": motion.velocity(t), "tau": motion.current(t)}
+    scipy.io.savemat(tmp_path / "x.mat", {f"{run}1": arrays, f"{run}2": arrays})
     arm = load_robot(robot) if robot else None
     with pytest.raises(
-        RecordError, match=r"2 sets of variables can be q; got run1\.q, run2\.q"
+        RecordError, match=rf"2 sets of variables can be q; got {run}1\.q, {run}2\.q"
     ) as no:
         read_recording(tmp_path / "x.mat", robot=arm)
-    columns = "t=run1.t,q=run1.q,qd=run1.qd,effort=run1.tau"
-    assert str(no.value).endswith(f"columns {columns}")
+    columns = str(no.value).rpartition("columns ")[2]
+    told = {
+        f"{name}={run}1.{own}" for name, own in zip(("t", "q", "qd", "effort"), arrays, strict=True)
+    }
+    assert {*columns.split(",")} == told
     record = read_recording(tmp_path / "x.mat", columns=columns, robot=arm)
     np.testing.assert_allclose(record.signals["q"], motion.position(t))
 

@@ -22,7 +22,14 @@ from dynid.recording.cells import (
 from dynid.recording.columns import select
 from dynid.recording.headers import NotRecognised, match_headers
 from dynid.recording.names import parse_name, says_degrees
-from dynid.recording.table import ANGLES, RawTable, ReadOptions, rises, stamps_of
+from dynid.recording.table import (
+    ANGLES,
+    RawTable,
+    ReadOptions,
+    find_clocks,
+    rises,
+    stamps_of,
+)
 
 SLICE = re.compile(r"(.+?)\[(?::\s*,)?\s*([\d:+]+)\s*\]")
 """A variable and some of its columns: `data[:,1:7]`."""
@@ -111,7 +118,12 @@ def _require_one_set(variables: Mapping[str, Array], paths: Mapping[str, list[st
     """
     shapes = [variables[path].shape for path in paths["q"]]
     if len(shapes) > 1 and any(len(shape) == 2 and min(shape) > 1 for shape in shapes):
-        columns = ",".join(f"{name}={found[0]}" for name, found in paths.items())
+        # The time of one run may look like that of one joint: `trial_1.t`.
+        stem = paths["q"][0].rpartition(".")[0]
+        own = [path for path in variables if path.rpartition(".")[0] == stem]
+        clocks = find_clocks([parse_name(path) for path in own], own, stem)
+        chosen = {"t": [clocks[0].label]} | dict(paths) if clocks else paths
+        columns = ",".join(f"{name}={found[0]}" for name, found in chosen.items())
         raise UnclearRecordError(
             f"{len(shapes)} sets of variables can be q",
             value=", ".join(paths["q"][:20]),
