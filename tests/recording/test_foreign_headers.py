@@ -568,6 +568,19 @@ def test_columns_that_may_be_no_measured_torque_are_not_taken(tmp_path: Path, wh
         read_recording(path, robot=load_robot("ur5"))
 
 
+def test_a_word_behind_the_number_keeps_the_joints_of_a_torque_together(tmp_path: Path) -> None:
+    t, q, qd, effort = truth()
+    names = ["t", *named("q{}", "dq{}", "tau{}_raw", joints=ONE_TO_SIX)]
+    check(write(tmp_path / "x.csv", names, t, q, qd, effort))
+    names += named("tau{}_cal", joints=ONE_TO_SIX)
+    path = write(tmp_path / "x.csv", names, t, q, qd, effort, effort)
+    with pytest.raises(RecordError, match=r"more than one set.*got tau_raw, tau_cal") as refused:
+        read_recording(path)
+    told = str(refused.value).rpartition("columns ")[2]
+    assert told == "t=0,q=1:7,qd=7:13,effort=13:19"
+    check(path, columns=told)
+
+
 DISTRACTORS = {
     "wanted": (
         "desired_position_{}",

@@ -163,27 +163,25 @@ def _choose(
                 for family in families.get(name, [])
                 if family.scope == tied[0].scope
             }
-            clocks = find_clocks(list(map(parse_name, names)), names, tied[0].scope)
-            if clocks:
-                columns = {"t": list(clocks[0].columns), **columns}
             raise UnclearRecordError(
                 f"{len(tied)} sets of columns can be {quantity}",
                 value=", ".join(family.label for family in tied),
-                next_step=f"Choose with --columns, for those of {tied[0].label}: "
-                f"--columns {spelled(columns)}",
+                next_step=_advice(tied[0], columns, names),
             )
         chosen[quantity] = ranked[0]
         if len(ranked) > 1:
             others = ", ".join(repr(family.label) for family in ranked[1:6])
             notes.append(f"{quantity} is read from {ranked[0].label!r}, not from {others}")
     like = [family for family in families.get("", []) if _is_torque_like(family)]
-    if like and not set(TORQUE_SOURCES) & set(chosen):
+    if like and "q" in chosen and not set(TORQUE_SOURCES) & set(chosen):
         if len(like) > 1:
+            sets = {name: chosen[name] for name in ("q", "qd") if name in chosen}
+            sets["effort"] = like[0]
+            columns = {name: [column for _, column in x.members] for name, x in sets.items()}
             raise UnclearRecordError(
                 "more than one set of columns can be torques",
                 value=", ".join(family.label for family in like),
-                next_step="Choose with --columns, for example "
-                + spelled({"effort": [column for _, column in like[0].members]}),
+                next_step=_advice(like[0], columns, names),
             )
         stem = like[0].base
         # `current_effort` is the present one, as `current_position` is.
@@ -197,6 +195,14 @@ def _choose(
             + ", ".join(repr(family.label) for family in like[:8])
         )
     return chosen, notes
+
+
+def _advice(family: Family, columns: Mapping[str, Sequence[int]], names: Sequence[str]) -> str:
+    """What to type for one of several sets, with the time beside these columns."""
+    clocks = find_clocks(list(map(parse_name, names)), names, family.scope)
+    time = {"t": clocks[0].columns} if clocks else {}
+    option = spelled({**time, **columns})
+    return f"Choose with --columns, for those of {family.label}: --columns {option}"
 
 
 def _is_torque_like(family: Family) -> bool:

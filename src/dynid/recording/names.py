@@ -341,7 +341,11 @@ def _index(name: str) -> tuple[str, int | None]:
         return first.group(2), int(first.group(1))
     if within := _INDEX_WITHIN.match(name):
         base = plainly(f"{within.group(1)}_{within.group(3)}")
-        if quantity_of(base) or _unit_at_the_end(Name(base=base)).unit:
+        if (
+            quantity_of(base)
+            or quantity_of(plainly(within.group(1)))
+            or _unit_at_the_end(Name(base=base)).unit
+        ):
             return base, int(within.group(2))
     if (last := _INDEX_LAST.match(name)) and last.group(1):
         return last.group(1), int(last.group(2))
