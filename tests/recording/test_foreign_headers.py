@@ -128,6 +128,12 @@ NUMBERED = {
         "Temps [s]",
         named("Position axe {}", "Vitesse axe {}", "Couple axe {} [N.m]", joints=ONE_TO_SIX),
     ),
+    "dots": ("t", named("theta{}", "theta_dot{}", "tau{}", joints=ONE_TO_SIX)),
+    "units behind blanks": ("t s", named("q{} rad", "qd{} rad/s", "tau{} N.m", joints=ONE_TO_SIX)),
+    "units in letters": (
+        "t",
+        named("JointPos_{}_rad", "JointVel_{}_radps", "JointTorque_{}_Nm", joints=ONE_TO_SIX),
+    ),
     "short": ("t", named("J{}_ANG", "vel_J{}", "tor_J{}", joints=ONE_TO_SIX)),
     "camel case": ("Timestamp", named("JointPos{}", "JointVel{}", "JointTorque{}")),
 }
@@ -137,7 +143,18 @@ NUMBERED = {
 def test_numbered_columns(tmp_path: Path, case: str) -> None:
     time, names = NUMBERED[case]
     t, q, qd, effort = truth()
-    check(write(tmp_path / "x.csv", [time, *names], t, q, qd, effort))
+    path = write(tmp_path / "x.csv", [time, *names], t, q, qd, effort)
+    check(path)
+    assert "qd" in read_recording(path).signals
+
+
+def test_velocities_of_an_unknown_name_are_told(tmp_path: Path) -> None:
+    t, q, qd, effort = truth()
+    names = ["t", *named("q{}", "vel_lp_{}", "tau{}", joints=ONE_TO_SIX)]
+    path = write(tmp_path / "x.csv", names, t, q, qd, effort)
+    check(path)
+    notes = read_recording(path).metadata.extra["notes"]
+    assert "no velocities are recognised; not used: 'vel_lp'" in notes
 
 
 def test_numbers_go_before_the_order_of_columns(tmp_path: Path) -> None:

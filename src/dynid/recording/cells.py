@@ -179,7 +179,7 @@ _ANGLE = {
 }
 _RATE = {
     **{"rpm": _REV / 60, "1/min": _REV / 60, "rps": _REV, "dps": _DEG, "mdps": 1e-3 * _DEG},
-    **{"degs": _DEG, "rads": 1.0},
+    **{"degs": _DEG, "rads": 1.0, "degps": _DEG, "radps": 1.0},
 }
 _TIME = {
     **{"s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "min": 60.0, "h": 3600.0},

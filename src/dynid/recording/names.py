@@ -34,9 +34,11 @@ _SYNONYMS: dict[str, str] = {
         "speeds dotq dot_q angular_velocity vels current_velocity current_velocities "
         "current_joint_velocity current_joint_velocities current_qd current_dq current_speed "
         "qdactual act_velo f_act_velocity drehzahl geschwindigkeit istgeschwindigkeit istdrehzahl "
-        "vitesse"
+        "vitesse theta_dot thetadot"
     ),
-    "qdd": "qdd ddq qddot q_ddot acc acceleration accelerations qacc qpp accel",
+    "qdd": (
+        "qdd ddq qddot q_ddot acc acceleration accelerations qacc qpp accel theta_ddot thetaddot"
+    ),
     "current": (
         "current currents cur motor_current motor_currents i i_q ma_cur macur current_motor "
         "current_motors curr iactual inst_current strom motorstrom iststrom courant"
@@ -135,6 +137,7 @@ _UNIT_BEFORE_INDEX = re.compile(
     r"\s*[\[({]([^\[\](){}]*)[\])}]"
     r"(?=[\s_\-]*(?:joint|jnt|axis|achse|axe|gelenk|motor|j|a)?[\s_\-]*\d{1,3}$)"
 )
+_UNIT_LAST = re.compile(r"[\s_]+([^\s_]*[/.][^\s_]*)$")
 _INDEX_LAST = re.compile(
     r"^(.*?)[\s_\-]*(?:(?<![a-z])(?:joint|jnt|axis|achse|axe|gelenk|j|a))?[\s_\-]*(\d{1,3})$"
 )
@@ -280,6 +283,9 @@ def _brackets(name: str) -> tuple[str, int | None, str, str]:
     if (match := _UNIT_BEFORE_INDEX.search(name)) and is_unit(match.group(1)):
         # `vel [deg/s] 1`
         unit, name = match.group(1).strip(), f"{name[: match.start()]} {name[match.end() :]}"
+    elif (match := _UNIT_LAST.search(name)) and is_unit(match.group(1)):
+        # `qd1 deg/s`, and no path
+        unit, name = match.group(1), name[: match.start()]
     while match := _BRACKET.search(name):
         text = match.group(1).strip()
         if text.isdecimal() and len(text) <= 3:
