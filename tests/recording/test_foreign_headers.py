@@ -734,7 +734,9 @@ def test_large_torques_are_told(tmp_path: Path) -> None:
     record = read_recording(
         write(tmp_path / "x.csv", names, t, q, effort * 1e3), robot=load_robot("ur5")
     )
-    assert any("times the torque limit" in problem.message for problem in record.problems)
+    (message,) = (x.message for x in record.problems if "times the torque limit" in x.message)
+    # What prints it puts a full stop behind it.
+    assert message[-1].isalpha()
 
 
 @pytest.mark.parametrize("encoding", ["cp1252", "utf-8", "utf-8-sig", "utf-16", "utf-16-le"])

@@ -46,7 +46,8 @@ def settle_unit(table: RawTable) -> RawTable:
     if step < FASTEST:
         table = table.report(
             "unit_suspect",
-            f"the time stamps say {1 / step:.4g} Hz, which is no robot's rate: another unit?",
+            f"the time stamps say {1 / step:.4g} Hz, which is no robot's rate: "
+            "probably another unit",
         )
     return table
 

@@ -276,8 +276,8 @@ def refuse_degrees(table: RawTable, robot: RobotModel | None) -> RawTable:
         joint = int(np.argmax(reach))
         return table.report(
             "unit_suspect",
-            f"{table.label('q', joint)} reaches {reach[joint]:.4g} rad: degrees (pass --degrees), "
-            "or measured on the motor's side (give --robot with its gear ratios)?",
+            f"{table.label('q', joint)} reaches {reach[joint]:.4g} rad: probably degrees (pass "
+            "--degrees), or measured on the motor's side (give --robot with its gear ratios)",
         )
     table = _report_other_kinds(table, robot)
     limits = robot.limits

@@ -85,8 +85,8 @@ def check_velocities(table: RawTable, rate_hz: float | None) -> RawTable:
     if abs(slope * DEGREE - 1) < 0.15:
         return table.report(
             "unit_suspect",
-            "positions move 57.3 times as far as velocities in rad/s say: are positions in "
-            "degrees, or velocities in rad/s already (--degrees converts both)?",
+            "positions move 57.3 times as far as velocities in rad/s say: positions are probably "
+            "in degrees, or velocities in rad/s already (--degrees converts both)",
         )
     table = _report_odd(table, slopes * np.sign(slope) < -0.5 * abs(slope), "have the other sign")
     low = np.isfinite(sure) & (np.abs(np.nan_to_num(sure)) < 0.5)
@@ -160,7 +160,7 @@ def drop_bursts(table: RawTable) -> RawTable:
         table = table.report(
             "corrupt_rows",
             f"{table.label('q', joint)} jumps by {height:.4g} before {table.row(at + 1)} "
-            f"({len(open_jumps)} such jumps): rows missing, or two recordings in one?",
+            f"({len(open_jumps)} such jumps): rows are missing, or two recordings in one",
         )
     return table.leave_out(bad, "have positions that the robot cannot have reached")
 
@@ -233,7 +233,7 @@ def check_counted_rows(table: RawTable) -> RawTable:
         return table
     return table.report(
         "clock_mismatch",
-        f"rows seem lost or doubled at {len(events)} places, the first near "
+        f"rows seem lost or doubled (places: {len(events)}), the first near "
         f"{table.row(int(events[0]) + 3)}: time counted from --rate is off after them",
     )
 

@@ -181,7 +181,7 @@ def _report_saturation(table: RawTable) -> RawTable:
             table = table.report(
                 "saturated",
                 f"{table.label(quantity, joint)} stands at its extreme ({peak:.4g}) on "
-                f"{clipped[joint]} rows of the motion: clipped?",
+                f"{clipped[joint]} rows of the motion, as if clipped",
                 (joint,),
             )
     return table
@@ -234,7 +234,7 @@ def _report_odd_torques(table: RawTable, robot: RobotModel | None) -> RawTable:
             table = table.report(
                 "unit_suspect",
                 f"{table.label(quantity, joint)} stands for {share[joint]:.3g} times the torque "
-                "limit: another unit (mA, mN.m, percent), or on the motor's side?",
+                "limit: probably another unit (mA, mN.m, percent), or on the motor's side",
             )
         # UR drivers send motor currents in A as effort.
         alone = quantity == "effort" and "current" not in table.signals
