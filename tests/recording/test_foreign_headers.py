@@ -134,6 +134,11 @@ NUMBERED = {
         "t",
         named("JointPos_{}_rad", "JointVel_{}_radps", "JointTorque_{}_Nm", joints=ONE_TO_SIX),
     ),
+    "joint within": ("ros_time", named("pos_j{}_rad", "vel_j{}_rad_s", "trq_j{}_Nm")),
+    "angular": (
+        "t",
+        named("angular position {} rad", "angular velocity {} rad/s", "torque {} Nm"),
+    ),
     "short": ("t", named("J{}_ANG", "vel_J{}", "tor_J{}", joints=ONE_TO_SIX)),
     "camel case": ("Timestamp", named("JointPos{}", "JointVel{}", "JointTorque{}")),
 }

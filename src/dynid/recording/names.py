@@ -21,13 +21,14 @@ _SYNONYMS: dict[str, str] = {
     "t": (
         "t time timestamp time_stamp stamp timestamps times sec secs second seconds elapsed "
         "elapsed_time time_s t_s rostime controller_time rec_time time_cont rosbag_timestamp "
-        "datetime date_time zeit zeitstempel tempo ipoc x_value"
+        "datetime date_time zeit zeitstempel tempo ipoc x_value ros_time"
     ),
     "q": (
         "q position positions pos jointpos angle angles theta qpos axisqmsr axis_act ai_pos aipos "
         "jpos q_mes qs current_position current_positions current_joint_position "
         "current_joint_positions current_q current_angle current_angles current_joint_angles "
-        "qactual f_act_position winkel gelenkwinkel ang istposition istwinkel"
+        "qactual f_act_position winkel gelenkwinkel ang istposition istwinkel "
+        "angular_position"
     ),
     "qd": (
         "qd dq qdot q_dot velocity velocities vel speed dtheta qvel omega qp qdots q_dots jvel "
@@ -144,7 +145,10 @@ _INDEX_LAST = re.compile(
 _INDEX_FIRST = re.compile(
     r"^(?:joint|jnt|axis|achse|axe|gelenk|motor|j|a)[\s_\-]*(\d{1,3})[\s_\-:]+(.+)$"
 )
-_INDEX_WITHIN = re.compile(r"^([a-z][a-z_\s\-]*?)[\s_\-]*(\d{1,3})[\s_\-]+([a-z][a-z_\s\-]*)$")
+_INDEX_WITHIN = re.compile(
+    r"^([a-z][a-z_\s\-]*?)[\s_\-]*(?:(?<![a-z])(?:joint|jnt|axis|achse|axe|gelenk|j|a))?"
+    r"[\s_\-]*(\d{1,3})[\s_\-]+([a-z][a-z_\s\-]*)$"
+)
 _INDEX_ALONE = re.compile(r"(?:joint|jnt|axis|achse|axe|gelenk|motor|j|a)?[\s_\-]*(\d{1,3})")
 _INDEX_PATH = re.compile(r"^(.*?)[\[(]?(?<![a-z\d])(\d{1,3})[\])]?$")
 _DEGREES = re.compile(r"(^|_)(deg|degs|degree|degrees)(_|$)")
