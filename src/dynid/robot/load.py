@@ -82,7 +82,9 @@ def _load(name_or_path: str | Path, collision: bool, mesh_dirs: Sequence[Path] =
     if text.lower() in builtin_names():
         return _built_in(text.lower())
     path = Path(os.path.expanduser(text))
-    return replace(_of_file(path, text, collision, mesh_dirs), file=str(path.absolute()))
+    return replace(
+        _of_file(path, text, collision, mesh_dirs), file=str(path.parent.resolve() / path.name)
+    )
 
 
 def _of_file(path: Path, text: str, collision: bool, mesh_dirs: Sequence[Path]) -> RobotModel:

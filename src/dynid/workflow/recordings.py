@@ -26,7 +26,8 @@ def robot_reference(robot: RobotLike) -> str:
     text = str(robot)
     if text.lower() in builtin_names():
         return text.lower()
-    return str(Path(text).expanduser().absolute())
+    path = Path(text).expanduser()
+    return str(path.parent.resolve() / path.name)
 
 
 def of_robot(record: recording.ExperimentRecord, robot: RobotLike) -> recording.ExperimentRecord:
