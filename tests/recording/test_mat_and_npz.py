@@ -151,6 +151,22 @@ def test_two_runs_in_one_file_state_the_columns_of_the_first(
     np.testing.assert_allclose(record.signals["q"], motion.position(t))
 
 
+def test_columns_of_one_run_of_hdf5_have_no_units_to_quote(tmp_path: Path) -> None:
+    motion, path = Motion(), tmp_path / "x.h5"
+    arrays = {"q": np.degrees(motion.position(motion.t)), "tau": motion.current(motion.t)}
+    with pytest.importorskip("h5py").File(path, "w") as file:
+        for run in ("run1", "run2"):
+            for name, values in {"t": motion.t, **arrays}.items():
+                file[f"{run}/{name}"] = values
+                file[f"{run}/{name}"].attrs["unit"] = {"t": "s", "q": "deg", "tau": "N.m"}[name]
+    with pytest.raises(RecordError, match="2 sets of variables can be q") as no:
+        read_recording(path)
+    columns = str(no.value).rpartition("columns ")[2]
+    assert columns == "t=run1.t,q=run1.q,effort=run1.tau"
+    record = read_recording(path, columns=columns)
+    np.testing.assert_allclose(record.signals["q"], motion.position(motion.t))
+
+
 def test_pickled_arrays_are_never_loaded(tmp_path: Path) -> None:
     path = tmp_path / "x.npz"
     np.savez(path, q=np.array([{"a": 1}], dtype=object))

@@ -110,6 +110,11 @@ def _by_names(variables: Mapping[str, Array], paths: Sequence[str]) -> Generator
         ) from error
 
 
+def _bare(path: str) -> str:
+    """A path without the unit that HDF5 attributes add."""
+    return path.partition(" [")[0]
+
+
 def _require_one_set(variables: Mapping[str, Array], paths: Mapping[str, list[str]]) -> None:
     """Refuse several matrices of positions, as of two runs: one vector each would be a joint's.
 
@@ -123,7 +128,7 @@ def _require_one_set(variables: Mapping[str, Array], paths: Mapping[str, list[st
         own = [path for path in variables if path.rpartition(".")[0] == stem]
         clocks = find_clocks([parse_name(path) for path in own], own, stem)
         chosen = {"t": [clocks[0].label]} | dict(paths) if clocks else paths
-        columns = ",".join(f"{name}={found[0]}" for name, found in chosen.items())
+        columns = ",".join(f"{name}={_bare(found[0])}" for name, found in chosen.items())
         raise UnclearRecordError(
             f"{len(shapes)} sets of variables can be q",
             value=", ".join(paths["q"][:20]),
@@ -187,7 +192,7 @@ def table_of(
         arrays, paths, notes = _guess_variables(variables, options.joints)
     else:
         # HDF5 attributes add a unit to a path, which a user need not write.
-        marked = {path.partition(" [")[0]: path for path in variables}
+        marked = {_bare(path): path for path in variables}
         paths = {
             name: marked.get(path)
             or SLICE.sub(lambda part: f"{marked.get(part[1], part[1])}[{part[2]}]", path)
