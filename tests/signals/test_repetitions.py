@@ -47,6 +47,12 @@ def test_slow_and_fast_periods_are_found_alike(rate: float, period: float) -> No
     assert find_period(q, rate) == period
 
 
+def test_half_a_sample_more_a_period_adds_up() -> None:
+    """Ten periods of 1000.5 samples were averaged as ten of 1000, the last 5 samples late."""
+    q = _series(np.arange(10_005) / 1000.5, seed=5)
+    assert find_period(q, 50.0) is None
+
+
 def test_a_strong_overtone_is_not_the_period() -> None:
     t = np.arange(2600) / 125.0
     q = (np.sin(2 * np.pi * t / 5) + 0.05 * np.sin(2 * np.pi * t / 10))[:, None]

@@ -188,7 +188,9 @@ def find_period(q: Array, rate_hz: float) -> float | None:
     # The shortest lag that repeats is the period; its neighbours repeat almost as well.
     together = near[near - near[0] == np.arange(len(near))]
     first = together[int(np.argmin(difference[together]))]
-    if difference[first] > REPEAT_TOLERANCE**2:
+    # A part of a sample too much adds up over repetitions.
+    last = first * (count // 2 // first)
+    if max(difference[first], difference[last]) > REPEAT_TOLERANCE**2:
         return None
     return float(first / rate_hz)
 
