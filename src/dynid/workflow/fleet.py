@@ -225,13 +225,13 @@ def _missing(recordings: Sequence[FleetRecording], reference_degC: float | None)
     found = [
         Finding(
             kind,
-            f"{len(names)} recordings have no {what}: {', '.join(names[:3])}",
+            f"recordings without {what}: {len(names)} ({', '.join(names[:3])})",
             value=float(len(names)),
             next_step=f"give it in {MANIFEST} ({','.join(COLUMNS)})",
         )
         for kind, what, names in (
-            ("another_robot", "name of a robot, and are taken as one robot", unnamed),
-            ("clock_mismatch", "time, and are left out of the trends", undated),
+            ("another_robot", "the name of a robot, taken as one robot", unnamed),
+            ("clock_mismatch", "a time, left out of the trends", undated),
             ("extrapolated", "joint temperatures, which cannot be regressed out", unknown),
         )
         if names
