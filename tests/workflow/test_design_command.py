@@ -19,7 +19,7 @@ import dynid
 from dynid.cli.app import main
 from dynid.settings import LimitSettings
 from dynid.trajectory import FAMILY_NAMES
-from dynid.workflow import DEFAULT_STARTS, given_limits
+from dynid.workflow import DEFAULT_STARTS, check_export, given_limits
 
 QUICK = ("--no-collision", "--harmonics", "3", "--period", "6", "--starts", "2", "--jobs", "1")
 BINDING = {
@@ -334,6 +334,16 @@ def test_bad_input_is_one_clear_message(
     assert err.count("\n") == 1
     assert any(part in err for part in told.split("|")), err
     assert not Path("d.json").exists()
+
+
+@pytest.mark.parametrize("kind", ["urscript", "movej", "krl", "rapid"])
+def test_a_program_of_joint_angles_is_refused_for_a_joint_that_slides(kind: str) -> None:
+    arm = dynid.load_robot("ur5")
+    sliding = replace(arm, joint_types=("prismatic", *arm.joint_types[1:]))
+    with pytest.raises(dynid.InputError, match=f"{kind}: .*slides; got {arm.joint_names[0]}"):
+        check_export(kind, sliding, "points")
+    for other in ("csv", "ros", "waypoints"):
+        check_export(other, sliding, "points")
 
 
 def test_programs_for_other_players_run_alone_and_say_what_was_not_judged(

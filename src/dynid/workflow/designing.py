@@ -373,8 +373,8 @@ def check_export(kind: str, robot: RobotLike, trajectory: str) -> None:
         trajectory: The word of its kind of motion.
 
     Raises:
-        InputError: Another kind of motion or number of joints than the format has, or no limits
-            that it needs.
+        InputError: Another kind of motion, or number or kind of joints, than the format has, or
+            no limits that it needs.
     """
     if kind in LANGUAGES and trajectory != "points":
         raise InputError(
@@ -388,6 +388,13 @@ def check_export(kind: str, robot: RobotLike, trajectory: str) -> None:
         check_points(kind, model.joints, model.limits.motion)
     elif kind == "urscript" and model.joints != 6:
         raise InputError("needs six joints", where=f"--{kind}", value=model.joints, limit=6)
+    if kind in {"urscript", *LANGUAGES} - {"waypoints"} and any(model.prismatic):
+        raise InputError(
+            "holds angles alone, and this joint slides",
+            where=f"--{kind}",
+            value=model.joint_names[list(model.prismatic).index(True)],
+            next_step="Take --csv, --ros or --waypoints.",
+        )
 
 
 def export_motion(design: excitation.ExcitationDesign, kind: str, path: str | Path) -> None:
