@@ -8,6 +8,7 @@ from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from reprlib import Repr
+from threading import Lock
 from types import MappingProxyType
 from typing import Any, cast
 from zipfile import BadZipFile
@@ -176,11 +177,27 @@ def _blas() -> Any:
     return import_module("threadpoolctl").ThreadpoolController()
 
 
+_limiting = Lock()
+_limits: list[Any] = []
+"""The limit of the process, once for each that is within `one_thread` now."""
+
+
 @contextmanager
 def one_thread() -> Generator[None]:
-    """Matrices of fifty columns gain nothing from more threads, which only wait for each other."""
-    with _blas().limit(limits=1, user_api="blas"):
+    """Matrices of fifty columns gain nothing from more threads, which only wait for each other.
+
+    The number is the process's: the last of several threads of Python to leave restores it.
+    """
+    blas = _blas()
+    with _limiting:
+        _limits.append(_limits[0] if _limits else blas.limit(limits=1, user_api="blas"))
+    try:
         yield
+    finally:
+        with _limiting:
+            limit = _limits.pop()
+            if not _limits:
+                limit.restore_original_limits()
 
 
 def upper_triangle(matrix: Array) -> Array:
