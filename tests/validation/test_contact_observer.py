@@ -185,11 +185,16 @@ def test_refuses_nonsense(estimate: Estimate) -> None:
     for wrong in ([1.0] * 6, np.zeros((2, 6))):
         with pytest.raises(InputError, match="dq has the wrong shape"):
             free.contacts(np.zeros((1, 6)), wrong)
+    assert free.contacts(np.zeros((0, 6)), np.zeros((0, 6))).shape == (0, 6)
+    for noise in ([1.0, 2.0], np.ones((3, 6))):
+        with pytest.raises(InputError, match="noise has the wrong shape"):
+            contact_thresholds([np.ones((200, 6))], [np.ones((200, 6))], noise=noise)
     # A threshold that is no number would never be crossed.
     gone = np.full((40, 6), np.nan)
     for residuals, velocities, message in (
         ([gone], [np.zeros((40, 6))], "residuals is not finite"),
         ([], [], "of the same samples"),
+        ([np.zeros((90, 6)), np.zeros((90, 5))],) * 2 + ("same samples and joints",),
         ([np.zeros((40, 6))], [np.zeros((40, 5))], "of the same samples"),
         ([None], [None], "residuals"),
     ):

@@ -172,17 +172,19 @@ def contact_thresholds(
         margin: Factor on it.
 
     Raises:
-        InputError: Too few samples, a quantile outside (0, 1), a margin below 1.
+        InputError: Too few samples, shapes that disagree, a quantile outside (0, 1), a margin
+            below 1.
     """
     if not (0.0 < quantile < 1.0 and margin >= 1.0):
         raise InputError("quantile in (0, 1) and margin of at least 1", value=(quantile, margin))
     known = [frozen(one, shape=(None, None), name="residuals") for one in residuals]
     moved = [frozen(one, shape=(None, None), name="velocities") for one in velocities]
-    if not known or [one.shape for one in known] != [one.shape for one in moved]:
+    joints = {one.shape[1] for one in known}
+    if len(joints) != 1 or [one.shape for one in known] != [one.shape for one in moved]:
         value = [one.shape for one in known], [one.shape for one in moved]
-        raise InputError("residuals and velocities of the same samples", value=value)
+        raise InputError("residuals and velocities of the same samples and joints", value=value)
     size, speed = np.abs(np.vstack(known)), np.vstack([recent_speed(one) for one in moved])
-    least = frozen(noise, shape=None, name="noise")
+    least = frozen(noise, shape=() if np.ndim(noise) == 0 else tuple(joints), name="noise")
     if len(size) < _LEAST_SAMPLES:
         raise InputError("samples of free motion", value=len(size), limit=_LEAST_SAMPLES)
     limits = np.empty((len(SPEEDS), size.shape[1]))
@@ -209,8 +211,10 @@ def recent_speed(dq: Array) -> Array:
     A residual remembers: after a reversal it still holds what friction did in it.
     """
     size = np.abs(dq)
-    before = np.vstack([np.full((MEMORY - 1, size.shape[1]), np.inf), size])
-    return np.lib.stride_tricks.sliding_window_view(before, MEMORY, axis=0).min(axis=-1)
+    slowest = size.copy()
+    for ago in range(1, min(MEMORY, len(size))):
+        slowest[ago:] = np.minimum(slowest[ago:], size[:-ago])
+    return slowest
 
 
 def _rigid(estimate: Estimate) -> tuple[InverseDynamicModel, Array]:
