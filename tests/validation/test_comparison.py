@@ -147,6 +147,12 @@ def test_one_recording_and_other_shapes_are_told() -> None:
     assert compare(first, second).warnings == ()
     (told,) = compare(first, replace(second, settings=base.settings)).warnings
     assert told.kind == "same_record"
+    # Neither friction of several days, of one fit, nor other seconds are other settings.
+    assert "settings" not in told.text
+    (told,) = compare(first, replace(first, values=base.values + 1.0)).warnings
+    assert "settings" not in told.text
+    asked = replace(made, settings={**made.settings, "cutoff_hz": 5.0})
+    (told,) = compare(first, replace(first, provenance=asked)).warnings
     assert "settings" in told.text
     rows = {"record": "4567", "start_s": 0.0, "stop_s": 6.0}
     again = replace(made, settings={**made.settings, "refit": rows})

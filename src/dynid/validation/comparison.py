@@ -248,11 +248,12 @@ def comparison_warnings(a: Estimate, b: Estimate) -> tuple[Finding, ...]:
         message = "the drive gains differ; parameters from currents are scaled by them"
         found.append(Finding("unit_suspect", message))
     if _same_rows(a, b):
-        again = a.provenance.settings.get(REFIT) != b.provenance.settings.get(REFIT)
-        message = "both are of one recording: their deviations are not independent, and what moved "
-        message += (
-            "is friction, which was refitted to another one" if again else "did so by the settings"
-        )
+        message = "both are of one recording: their deviations are not independent"
+        made = [estimate.provenance for estimate in (a, b)]
+        if made[0].settings.get(REFIT) != made[1].settings.get(REFIT):
+            message += ", and what moved is friction, which was refitted to another one"
+        elif used_rows(a) == used_rows(b) and made[0].settings != made[1].settings:
+            message += ", and what moved did so by the settings"
         found.append(Finding("same_record", message))
     else:
         found += _other_motion(a, b)
