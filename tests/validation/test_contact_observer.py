@@ -1,4 +1,5 @@
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -163,6 +164,18 @@ def test_thresholds_learn_from_each_speed_apart() -> None:
     # Joint 1 has rested a moment ago: the residual may still hold what stiction did.
     np.testing.assert_array_equal(seen, [[False, False], [False, True]])
     assert found.contacts(np.array([[15.0, 0.0]]), np.array([[-0.6, 1.0]]))[0, 0]
+
+
+def test_stored_thresholds_are_those_that_were_learned() -> None:
+    free = contact_thresholds([np.ones((200, 6))], [np.ones((200, 6))])
+    limits = np.array(free.limits)
+    speeds: Any = free.speeds.tolist()
+    again = ContactThresholds(speeds=speeds, limits=limits, samples=200)
+    limits[:] = np.inf
+    assert again == free
+    assert again.contacts([[3.0] * 6], [[1.0] * 6]).all()
+    with pytest.raises(InputError, match="limits has the wrong shape"):
+        ContactThresholds(speeds=free.speeds[1:], limits=free.limits, samples=200)
 
 
 def test_refuses_nonsense(estimate: Estimate) -> None:

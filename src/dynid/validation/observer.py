@@ -8,7 +8,7 @@ from numbers import Real
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, Mask, Value, frozen, read_only
+from dynid.core import Array, InputError, Mask, Value, freeze, frozen, read_only
 from dynid.identification import Estimate, EstimateLike, open_estimate
 from dynid.recording import RecordLike, open_record
 from dynid.regressor import FrictionTerms, InverseDynamicModel, torque_adjoint
@@ -33,6 +33,9 @@ class ContactThresholds(Value):
 
     Near standstill stiction and the reversal of friction hide several N.m that a moving joint
     shows at once, so the thresholds depend on the speed.
+
+    Raises:
+        InputError: Shapes that disagree.
     """
 
     speeds: Array
@@ -41,6 +44,10 @@ class ContactThresholds(Value):
     """(b, n) thresholds, never rising with the speed [N.m or N]."""
     samples: int
     """N, samples of free motion they come from."""
+
+    def __post_init__(self) -> None:
+        freeze(self, speeds=(None,))
+        freeze(self, limits=(len(self.speeds), None))
 
     def contacts(self, residual: ArrayLike, dq: ArrayLike) -> Mask:
         """(N, n) whether a joint is touched, for residuals and velocities (N, n) in a row.
@@ -200,9 +207,7 @@ def contact_thresholds(
             limits[row, joint] = margin * np.quantile(size[chosen, joint], quantile)
     limits = np.maximum(limits, _LEAST_NOISE * least)
     falling = np.maximum.accumulate(limits[::-1])[::-1]
-    return ContactThresholds(
-        speeds=read_only(np.array(SPEEDS)), limits=read_only(falling), samples=len(size)
-    )
+    return ContactThresholds(speeds=np.array(SPEEDS), limits=falling, samples=len(size))
 
 
 def recent_speed(dq: Array) -> Array:
