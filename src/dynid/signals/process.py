@@ -59,7 +59,12 @@ class ProcessingSettings:
                     limit="0 s or more, below 1e9 s",
                 )
         if self.start_s is not None and self.stop_s is not None and self.stop_s <= self.start_s:
-            raise InputError("--to must be later than --from", value=(self.start_s, self.stop_s))
+            raise InputError(
+                "must be later than the start of the window",
+                where="--to",
+                value=self.stop_s,
+                limit=f"after {self.start_s:g} s",
+            )
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""

@@ -118,9 +118,7 @@ def _of_validation() -> Generator[None]:
     try:
         yield
     except InputError as error:
-        facts = {name: getattr(error, name) for name in ("what", "where")}
-        named = {name: text and text.replace("--", "--validate-") for name, text in facts.items()}
-        raise error.changed(**named) from error
+        raise error.changed(where="--validate-from, --validate-to") from error
 
 
 def _window_of(
