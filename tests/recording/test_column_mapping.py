@@ -75,7 +75,7 @@ def test_time_is_one_column() -> None:
         ("TorqueSm7", "torque_sm", 7),
         ("timestamp", "timestamp", None),
         ("/joint_states/position[2]", "position", 2),
-        ("Joint_1", "joint_1", None),
+        ("Joint_1", "", 1),
         ("/rtde/actual_q[0]", "actual_q", 0),
         ("robot.state.position.3", "position", 3),
         ("dq1", "dq", 1),
@@ -178,9 +178,33 @@ def test_plotjuggler_paths_give_joint_names() -> None:
 
 
 @pytest.mark.parametrize(
+    ("header", "q", "torque"),
+    [
+        ("time J{} Torque{}", 1, 3),
+        ("time finger_joint_0 finger_joint_1 joint_{} joint_{}_velocity joint_{}_effort", 3, 7),
+        ("present_position_{} present_velocity_{} present_current_{} ts", 0, 4),
+        ("t pos_err q_cmd_{} q_current_{} dq_{} tau_{}", 4, 8),
+        ("t j{}_pos_enc j{}_pos_cmd j{}_vel j{}_current", 1, 7),
+        ("t q{} qv{} tau{} q_des{} qv_des{}", 1, 5),
+        ("PLC_TIMESTAMP A{}_Position A{}_Torque", 1, 3),
+        ("time τ{} θ{} ω{}", 3, 1),
+        ("timestamp actual_q_{} measured_tq_{} external_tq_{}", 1, 3),
+    ],
+)
+def test_headers_of_other_recorders(header: str, q: int, torque: int) -> None:
+    words = header.split()
+    match = match_headers([w.format(k) for w in words for k in ((1, 2) if "{}" in w else (0,))])
+    assert match.columns["q"] == [q, q + 1]
+    assert (match.columns.get("effort") or match.columns["current"]) == [torque, torque + 1]
+    assert match.clocks
+    assert ("qd" in match.columns) == any(word in header for word in ("dq", "qv", "vel", "ω"))
+
+
+@pytest.mark.parametrize(
     "names",
     [
         ["t", "q_0", "q_1", "q_3"],
+        ["t", "j0", "j1", "vel0", "vel1"],
         ["t", "q_0", "q_1", "q_1"],
         ["t", "q_2", "q_3"],
         ["t", "time", "x_0", "x_1"],

@@ -55,7 +55,7 @@ def test_a_unit_says_what_a_column_of_a_joint_holds(
     assert every == [list(range(first, first + 6)) for first in (1, 7, 13)]
 
 
-@pytest.mark.parametrize("name", ["J{}", "J{} [%]", "J{} [-]", "J{} error [deg]", "tool {} [deg]"])
+@pytest.mark.parametrize("name", ["J{} [%]", "J{} [-]", "J{} error [deg]", "tool {} [deg]"])
 def test_no_unit_that_says_it_is_guessed(name: str) -> None:
     with pytest.raises(RecordError, match="no columns of positions"):
         match_headers(["t", *(name.format(k) for k in JOINTS), *(f"tau{k}" for k in JOINTS)])

@@ -399,6 +399,17 @@ def _families(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[Fam
         if any(set(family.joints) == wanted for family in found["q"]):
             return found
     plainly = _collect(map(parse_name, names))
+    if not plainly.get("q"):
+        # `joint_1`, beside `effort_1`
+        torques = {len(x.members) for name in TORQUE_SOURCES for x in plainly.get(name, [])}
+        bare = [
+            family
+            for family in plainly.get("", [])
+            if not family.base and len(family.members) in torques
+            if not any(name.unit for name, _ in family.members)
+        ]
+        if bare:
+            plainly["q"] = bare
     if any(family.whole for family in plainly.get("q", [])):
         return plainly
     split = _collect(split_joint(text) or parse_name(text) for text in names)

@@ -21,33 +21,33 @@ _SYNONYMS: dict[str, str] = {
     "t": (
         "t time timestamp time_stamp stamp timestamps times sec secs second seconds elapsed "
         "elapsed_time time_s t_s rostime controller_time rec_time time_cont rosbag_timestamp "
-        "datetime date_time zeit zeitstempel tempo ipoc x_value ros_time"
+        "datetime date_time zeit zeitstempel tempo ipoc x_value ros_time current_time ts"
     ),
     "q": (
         "q position positions pos jointpos angle angles theta qpos axisqmsr axis_act ai_pos aipos "
         "jpos q_mes qs current_position current_positions current_joint_position "
         "current_joint_positions current_q current_angle current_angles current_joint_angles "
         "qactual f_act_position winkel gelenkwinkel ang istposition istwinkel "
-        "angular_position"
+        "angular_position q_current"
     ),
     "qd": (
         "qd dq qdot q_dot velocity velocities vel speed dtheta qvel omega qp qdots q_dots jvel "
         "speeds dotq dot_q angular_velocity vels current_velocity current_velocities "
         "current_joint_velocity current_joint_velocities current_qd current_dq current_speed "
         "qdactual act_velo f_act_velocity drehzahl geschwindigkeit istgeschwindigkeit istdrehzahl "
-        "vitesse theta_dot thetadot"
+        "vitesse theta_dot thetadot qv dq_current"
     ),
     "qdd": (
         "qdd ddq qddot q_ddot acc acceleration accelerations qacc qpp accel theta_ddot thetaddot"
     ),
     "current": (
-        "current currents cur motor_current motor_currents i i_q ma_cur macur current_motor "
-        "current_motors curr iactual inst_current strom motorstrom iststrom courant"
+        "current currents cur motor_current motor_currents i i_q iq motor_iq ma_cur macur "
+        "current_motor current_motors curr iactual inst_current strom motorstrom iststrom courant"
     ),
     "effort": (
         "tau_j effort efforts torque torques tau trq actual_current_as_torque jtor jtorque "
         "tau_mes taus moment moments sensor_torque torque_sensor motor_torque motor_torques "
-        "tor f_act_torque drehmoment eff istmoment istdrehmoment couple"
+        "tor f_act_torque drehmoment eff istmoment istdrehmoment couple tq"
     ),
     "target_q": "q_d as_pos aspos ipo_jnt_pos axisqcmd axisqcmdt1m",
     "target_qd": "dq_d",
@@ -102,10 +102,11 @@ def words_of(text: str) -> frozenset[str]:
 
 _AROUND = (
     "actual measured act meas msr joint joints jnt link axis arm robot state states feedback fb "
-    "sensed real field log logged logs data history recorded ist axe achse gelenk"
+    "fbk sensed present inst enc encoder real field log logged logs data history recorded ist axe "
+    "achse gelenk"
 )
 _PLACES = {word: place for place, word in enumerate(_AROUND.split())}
-MEASURED = words_of("actual measured act meas msr")
+MEASURED = words_of("actual measured act meas msr present")
 """Words that tell a measured quantity from others of its kind."""
 PLAIN = frozenset(_PLACES)
 """Words around a quantity's name that do not change what it is; the first are the surest."""
@@ -151,6 +152,7 @@ _INDEX_WITHIN = re.compile(
 )
 _INDEX_ALONE = re.compile(r"(?:joint|jnt|axis|achse|axe|gelenk|motor|j|a)?[\s_\-]*(\d{1,3})")
 _INDEX_PATH = re.compile(r"^(.*?)[\[(]?(?<![a-z\d])(\d{1,3})[\])]?$")
+_GREEK = str.maketrans({"τ": "tau", "θ": "theta", "ω": "omega"})
 _DEGREES = re.compile(r"(^|_)(deg|degs|degree|degrees)(_|$)")
 _SECONDS = frozenset({"sec", "secs"})
 _NANOSECONDS = frozenset({"nanosec", "nanosecs", "nsec", "nsecs"})
@@ -262,8 +264,8 @@ def parse_name(text: str, joints: Sequence[str] = ()) -> Name:
                 index, last = int(match.group(1)), parts.pop()
             else:
                 last, index = _index(last)
-    if index is None and unit and not parts and (match := _INDEX_ALONE.fullmatch(last)):
-        # `J1 [deg]`
+    if index is None and not parts and (match := _INDEX_ALONE.fullmatch(last)):
+        # `J1 [deg]`, `joint_1`
         index, last = int(match.group(1)), ""
     if index is None and not inside and parts and (match := _INDEX_PATH.match(parts[-1])):
         index, parts[-1] = int(match.group(2)), match.group(1)
@@ -330,7 +332,7 @@ def split_joint(text: str) -> Name | None:
 
 def _plain(text: str) -> str:
     name = _CAMEL.sub("_", text.strip().strip("\"'\ufeff").strip()).lower()
-    return _SUNRISE.sub("", name)
+    return _SUNRISE.sub("", name.translate(_GREEK))
 
 
 def _known_joint(parts: list[str], joints: Sequence[str]) -> tuple[str, list[str]] | None:
@@ -396,7 +398,8 @@ def quantity_of(base: str) -> tuple[str, int] | None:
         core = core[:-1]
     found = RANK.get("_".join(core)) if core and len(core) < len(words) else None
     if found is None:
-        return None
+        # `plc_timestamp`, behind every clock that is known
+        return ("t", _RANK_BY_UNIT) if words[-1] == "timestamp" else None
     quantity, rank = found
     if target:
         return (TARGET_OF[quantity], rank + 20_000) if quantity in TARGET_OF else None
