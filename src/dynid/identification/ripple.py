@@ -220,7 +220,7 @@ def find_ripples(
     """
     # At rest there is stiction, and a wave that stands still.
     moving = (np.abs(dq) > MOVING).any(axis=0)
-    if np.count_nonzero(moving) < STRETCHES**2:
+    if np.count_nonzero(moving) < 16 * STRETCHES:
         return ()
     q, dq, residual = (x[:, moving] for x in (q, dq, residual))
     gears = find_gears(q, dq, residual, rate_hz, prismatic)
