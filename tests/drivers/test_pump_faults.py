@@ -60,6 +60,44 @@ class Begun(Broken):
         return True
 
 
+class Waiting(Begun):
+    """A program that the controller has not begun."""
+
+    def begun(self, cycle: Any, numbers: Any) -> bool:
+        return False
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"safety_mode": 3}, "safety mode became protective stop"),
+        ({"robot_mode": 3}, "robot mode became power off"),
+        ({"freedrive": True}, "teach button"),
+    ],
+)
+def test_what_keeps_a_program_from_its_start_is_told_at_once(
+    monkeypatch: pytest.MonkeyPatch, changes: dict[str, Any], said: str
+) -> None:
+    """Between two passes; it took 10 s, and remote control was blamed."""
+    layout = recorded((3, 15, 8))
+    link: Any = Link(layout)
+    still = Cycle(timestamp=0.0, index=-1, q=ZERO, qd=ZERO, target_q=ZERO, runtime_state=1)
+    cycles = iter([still, replace(still, **changes)])
+    monkeypatch.setattr(type(layout), "cycle", lambda *_: next(cycles))
+    pump = Pump(
+        link,
+        layout,
+        Watchdog(LIMITS, 125.0, EXECUTION.total),
+        Waiting(),
+        halt=lambda: None,
+        cancel=threading.Event(),
+    )
+    pump.run()
+    assert pump.fault is None
+    assert pump.abort is not None
+    assert said in pump.abort.message
+
+
 def test_a_program_that_starved_is_told_with_the_pause_of_the_network(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -133,14 +133,18 @@ class Watchdog:
         """Whether the last set point was seen."""
         return self._before is not None and self._before.index >= self._last
 
-    def see(self, cycle: Cycle) -> Abort | None:
+    def see(self, cycle: Cycle, *, begun: bool = True) -> Abort | None:
         """Take the next control cycle.
+
+        Args:
+            cycle: What it reported.
+            begun: Whether our motion runs already; the robot may not start it in every state.
 
         Returns:
             Why the robot must stop now; None if all is well.
         """
         before = self._before
-        if self.finished:
+        if self.finished or not begun:
             return _state(cycle, playing=False)
         # What the controller says of itself explains what follows from it: it comes first.
         abort = _state(cycle, playing=True) or _speed(cycle)

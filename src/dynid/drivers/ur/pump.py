@@ -167,10 +167,9 @@ class Pump(threading.Thread):
             self._link.write(words)
         if self._cancel.is_set():
             self.stop(INTERRUPTED)
-        elif self._begun:
-            if abort := self._watchdog.see(cycle) or self._refused:
-                self.stop(abort)
-        else:
+        elif abort := self._watchdog.see(cycle, begun=self._begun) or self._refused:
+            self.stop(abort)
+        elif not self._begun:
             self._patience -= 1
             if self._patience <= 0:
                 what = f"the program did not start within {START_S:g} s of robot time"
