@@ -184,9 +184,10 @@ POINTS = tuple(MIDDLE + np.array(by) for by in ([0.2] * 6, [0.2, -0.1, 0.1, 0.3,
 
 
 def test_it_rests_at_every_way_point(controller: RunningController) -> None:
-    execution = replace(gentle_execution(1), via=POINTS)
+    state = inspect(controller.host)
+    execution = replace(gentle_execution(1), via=(state.q, *POINTS))
     with Observer(controller.host) as observer:
-        outcome = UrDriver(inspect(controller.host)).execute(execution, None)
+        outcome = UrDriver(state).execute(execution, None)
         q, qd = observer.columns("target_q", "target_qd")
     assert outcome.abort is None
     away = np.stack([np.abs(q - point).max(axis=1) for point in POINTS])
@@ -304,7 +305,9 @@ faulthandler.dump_traceback_later(45)
 from dataclasses import replace
 from gentle_motion import MIDDLE, gentle_execution
 from dynid.drivers import ServojDriver, inspect
-ServojDriver(inspect(sys.argv[1])).execute(replace(gentle_execution(1), via=(MIDDLE + 2.0,)), None)
+state = inspect(sys.argv[1])
+via = (state.q, MIDDLE + 2.0)
+ServojDriver(state).execute(replace(gentle_execution(1), via=via), None)
 """
 
 

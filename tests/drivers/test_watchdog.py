@@ -51,8 +51,8 @@ def test_a_whole_motion_passes() -> None:
     assert watchdog.see(cycle(TOTAL + 1, index=TOTAL, runtime_state=1)) is None
 
 
-WAY = np.array([[0.4, 0.0], [0.4, 0.8]])
-"""A way point and the first set point, of an arm that stands at zero."""
+WAY = np.array([[0.0, 0.0], [0.4, 0.0], [0.4, 0.8]])
+"""Where the arm stands, a way point and the first set point."""
 
 
 def on_the_way(targets: list[list[float]]) -> list[Cycle]:
@@ -70,6 +70,13 @@ def test_the_way_to_the_start_is_watched() -> None:
         assert abort is not None
         assert abort.code == "program"
         assert "another program" in abort.message
+    # It was moved between the check of its way, or the pass before, and this motion.
+    for way in (WAY, np.stack([ZERO, ZERO])):
+        abort = watch(on_the_way([[0.0, 0.05]]), way=way)
+        assert abort is not None
+        assert "0.05 rad off its way" in abort.message
+    # Whose way nobody knows comes from where it stands.
+    assert watch(on_the_way([[0.0, 0.05], [0.2, 0.425]]), way=WAY[2:]) is None
     # Nobody waits for ever for a program that stands still.
     abort = watch(on_the_way([[0.2, 0.0]] * (125 * 60)), way=WAY)
     assert abort is not None

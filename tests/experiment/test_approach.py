@@ -55,7 +55,7 @@ def test_a_way_is_found_where_the_straight_one_collides(planned: Approach) -> No
     clearance = JUDGE.settings.self_clearance
     assert nearest(dense(np.stack([UPRIGHT, BEHIND]))) < 0.0
     assert planned.free
-    assert len(planned.via) >= 1
+    assert len(planned.poses) > 2
     np.testing.assert_array_equal(planned.poses[0], UPRIGHT)
     np.testing.assert_array_equal(planned.poses[-1], BEHIND)
     q = dense(planned.poses)
@@ -81,10 +81,10 @@ def test_a_seed_gives_the_same_way_again(planned: Approach) -> None:
 def test_a_free_straight_way_is_taken(planned: Approach) -> None:
     near = plan_approach(UPRIGHT, UPRIGHT + 0.3, JUDGE)
     assert near.free
-    assert near.via == ()
+    assert len(near.poses) == 2
     assert near.describe() == "0.3 rad"
-    assert len(planned.via) > 0
-    assert f"{len(planned.via)} way point" in planned.describe()
+    assert len(planned.poses) > 2
+    assert f"{len(planned.poses) - 2} way point" in planned.describe()
 
 
 def test_a_way_is_judged_at_the_speed_at_which_it_is_taken() -> None:
@@ -101,7 +101,7 @@ def test_a_way_is_judged_at_the_speed_at_which_it_is_taken() -> None:
 def test_who_stands_at_the_start_has_no_way_to_go() -> None:
     there = plan_approach(UPRIGHT, UPRIGHT + 1e-4, JUDGE)
     assert there.free
-    assert there.via == ()
+    assert len(there.poses) == 2
     assert there.describe() == "already there"
 
 
@@ -114,7 +114,7 @@ def test_where_no_way_is_found_the_straight_one_and_its_fault_come_back(
     assert nearest(folded[None]) < 0.0
     found = plan_approach(UPRIGHT, folded, JUDGE)
     assert not found.free
-    assert found.via == ()
+    assert len(found.poses) == 2
     assert found.refused is not None
     assert "self_collision" in found.refused.broken
 
@@ -131,10 +131,13 @@ def test_a_search_without_collisions_goes_straight() -> None:
 
 def test_only_the_first_pass_goes_through_the_way_points() -> None:
     series = rest_series(2.0, UPRIGHT, np.zeros((6, 4)))
-    points = (UPRIGHT + 0.1, UPRIGHT + 0.2)
+    points = (UPRIGHT, UPRIGHT + 0.1, UPRIGHT + 0.2)
     plan = ExperimentPlan(robot=UR5, trajectory=series, slow=0.5, warm_up_s=2.0, via=points)
     executions: list[Execution] = [step.execution for step in plan.passes()]
-    assert [len(execution.via) for execution in executions] == [2, 0, 0]
+    assert executions[0].via == points
+    # The others must stand at the start already: nothing else was certified.
+    for execution in executions[1:]:
+        np.testing.assert_array_equal(execution.via, [plan.start])
     alone = replace(plan, slow=None, warm_up_s=0.0)
     assert [step.execution.via for step in alone.passes()] == [points]
 

@@ -104,8 +104,8 @@ class Watchdog:
         total: Number of set points; indices run from 0 to one less.
         slack: By how much an index may be off the one that is due, one a cycle from the first on:
             nought where the controller counts, more where set points are streamed to it.
-        way: (k, n) way points to the first set point and that itself, straight ways between them;
-            None where nobody moves the arm there.
+        way: (k, n) poses on the way to the first set point, that itself the last, straight ways
+            between them; of one alone, from where the arm stands. None where nobody moves it there.
     """
 
     def __init__(
@@ -159,7 +159,8 @@ class Watchdog:
             return None
         target = cycle.target_q
         if math.isinf(self._patience):
-            self._way = np.vstack([target, self._way])
+            if len(self._way) == 1:
+                self._way = np.vstack([target, self._way])
             length = float(np.abs(np.diff(self._way, axis=0)).max(axis=1).sum())
             self._patience = self._rate * (_WAIT_S + _SLOWNESS * length)
         self._patience -= 1
@@ -170,7 +171,8 @@ class Watchdog:
         if away <= _OFF_WAY and self._patience > 0:
             return None
         what = f"{away:.3g} rad off its way to the start" if self._patience > 0 else "not arriving"
-        return Abort("program", f"the arm is {what}: another program has taken the robot over")
+        why = "it was moved, or another program has taken the robot over"
+        return Abort("program", f"the arm is {what}: {why}")
 
     def _clock(self, cycle: Cycle, before: Cycle | None) -> Abort | None:
         if before is None:
@@ -297,7 +299,8 @@ class Execution:
     limits: WatchLimits
     """Beyond which the robot is stopped."""
     via: tuple[Array, ...] = ()
-    """Way points, each (n), at which a real robot rests on its way to the start [rad or m]."""
+    """Where a real robot stands, and way points at which it rests on its way to the start, each (n)
+    [rad or m]. Empty: it comes straight, from wherever it stands."""
 
     def __post_init__(self) -> None:
         if self.periods < 1 or self.settle < 0:

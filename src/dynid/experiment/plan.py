@@ -103,7 +103,7 @@ class ExperimentPlan:
     rate_hz: float = 125.0
     """Control cycles a second."""
     via: tuple[Array, ...] = ()
-    """Way points, each (n), on the way to the start of the first pass [rad or m]."""
+    """Where it stands, and way points, each (n), to the start of the first pass [rad or m]."""
 
     def __post_init__(self) -> None:
         if self.slow is not None:
@@ -177,7 +177,8 @@ class ExperimentPlan:
             found.append(Pass(name="warm-up", execution=warm))
         first, *others = (*found, Pass(name="run", execution=run))
         # Each pass ends where the next one starts: only the first one has a way to go.
-        return (replace(first, execution=replace(first.execution, via=self.via)), *others)
+        there = [replace(x, execution=replace(x.execution, via=(self.start,))) for x in others]
+        return (replace(first, execution=replace(first.execution, via=self.via)), *there)
 
 
 def watch_limits(robot: RobotModel) -> WatchLimits:

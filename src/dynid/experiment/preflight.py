@@ -191,8 +191,8 @@ class Approach:
 
     @property
     def via(self) -> tuple[Array, ...]:
-        """Way points, each (n), without both ends [rad or m]."""
-        return tuple(self.poses[1:-1])
+        """Where it stands, and way points, each (n) [rad or m]; what an execution takes."""
+        return tuple(self.poses[:-1])
 
     @property
     def length(self) -> float:

@@ -136,7 +136,7 @@ class UrDriver(RtdeDriver):
             rate_hz=execution.rate_hz,
             repeats=execution.periods,
             settle=execution.settle,
-            via=execution.via,
+            via=execution.via[1:],
         )
 
         def converse(layout: Layout, feed: Recipe, port: ScriptPort) -> Conversation:
@@ -221,7 +221,7 @@ class ServojDriver(RtdeDriver):
         if cancel.is_set():
             return Outcome(samples=0, periods=0, gaps=0, abort=INTERRUPTED)
         control, starts = self._control(self.state.host), execution.setpoints()[:1]
-        way = Way(control, (*execution.via, *starts))
+        way = Way(control, (*execution.via[1:], *starts))
         try:
             outcome = record(lambda layout, feed, _: Stream(control, layout, feed, execution, way))
             if outcome.abort is None:
