@@ -15,6 +15,7 @@ from dynid.core import InputError, JobError, write_json
 from dynid.excitation import DesignOptimiser, MotionSearch, random_numbers
 from dynid.experiment import ExperimentPlan, check_design
 from dynid.workflow import DesignSettings, RunSettings, check, design, judge_of, read_design
+from dynid.workflow.design_limits import given_limits
 
 Document = dict[str, Any]
 SCENE = {"shapes": [{"type": "box", "size": [0.2, 0.2, 0.2], "position": [0.8, 0.8, 0.1]}]}
@@ -204,6 +205,21 @@ def test_the_scene_s_own_file_must_not_have_changed_unnoticed(
         assert any("scene.json is not the scene" in cause for cause in causes) == (shapes == [])
     own.write_text(json.dumps({**SCENE, "shapes": []}))
     assert check(path, scene=made[0] / "scene.json").certificate.verdict == untouched
+
+
+def test_the_scene_s_own_file_is_looked_at_from_any_folder(
+    made: tuple[Path, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was looked for where the command runs: a wall was not seen from elsewhere."""
+    (tmp_path / "scene.json").write_text(json.dumps(SCENE))
+    monkeypatch.chdir(tmp_path)
+    held = given_limits(RunSettings(scene="scene.json"))
+    monkeypatch.chdir(made[0])
+    stored = replace(read_design("design.json"), limits=held, changed=())
+    assert judge_of(stored, RunSettings())[1].unjudged == ()
+    (tmp_path / "scene.json").write_text(json.dumps({**SCENE, "shapes": []}))
+    (lost,) = judge_of(stored, RunSettings())[1].unjudged
+    assert lost.kind == "environment"
 
 
 @pytest.mark.parametrize("name", ["no margin", "less clearance", "collisions off", "the limits"])

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
 from typing import Any, cast
 
 from dynid.constraints import (
@@ -34,7 +35,7 @@ class DesignLimits:
     scene: Mapping[str, Any] | None = None
     """The scene file's content."""
     scene_file: str = ""
-    """Where it was read."""
+    """Where it was read; an absolute path, but in older designs."""
     floor: float | str = "mount"
     """Height of the floor in the base frame [m]; `mount`: at the mounting plane; `none`."""
     tool: tuple[float, ...] | None = None
@@ -122,7 +123,8 @@ def given_limits(asked: SceneSettings, base: DesignLimits | None = None) -> Desi
         if item.name in known and getattr(asked, item.name) is not None
     }
     if asked.scene is not None:
-        given |= {"scene": load_object(asked.scene).values, "scene_file": str(asked.scene)}
+        file = Path(asked.scene).resolve()
+        given |= {"scene": load_object(asked.scene).values, "scene_file": str(file)}
     elif blind:
         given |= {"scene": None, "scene_file": ""}
     return replace(base or DesignLimits(), **given | {"preset": preset, "collision": collision})
