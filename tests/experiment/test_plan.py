@@ -112,6 +112,13 @@ def test_a_period_of_no_whole_cycles_is_refused() -> None:
         ExperimentPlan(robot=UR5, trajectory=odd)
 
 
+def test_part_of_a_period_is_refused() -> None:
+    """The arm would be stopped in motion, or jump to the end of the period."""
+    half = ExperimentPlan(robot=UR5, trajectory=SERIES, periods=1.5)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="whole number"):
+        half.passes()
+
+
 def test_a_motion_that_does_not_rest_at_its_ends_is_refused() -> None:
     moving = FourierSeries(period=10.0, offset=np.zeros(6), a=FREE[:, :2], b=FREE[:, 2:4])
     with pytest.raises(InputError, match="at rest"):

@@ -107,6 +107,8 @@ def test_refuses_motions_that_do_not_meet() -> None:
         Repetition(part=Quintic(start=[0.1], goal=[0.0], travel_time=1.0), times=2)
     with pytest.raises(InputError, match="repetitions"):
         Repetition(part=series, times=0)
+    with pytest.raises(InputError, match="whole number"):
+        Repetition(part=series, times=1.5)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="two poses"):
         through_poses([[0.0, 0.0]], LIMITS)
     with pytest.raises(InputError, match="outside the position limits"):

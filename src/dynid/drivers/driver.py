@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from dynid.core import Array, Finding, InputError, Progress, freeze
 from dynid.protocol import RobotMode, RuntimeState, SafetyMode
-from dynid.trajectory import Trajectory
+from dynid.trajectory import Trajectory, require_whole
 
 WATCHDOG_HZ = 10.0
 """How often a program on a controller must be fed; without it that stops it after 0.1 s."""
@@ -285,7 +285,8 @@ class Execution:
     """A motion to execute: whole periods, one after the other, from rest.
 
     Raises:
-        InputError: No period, a rate that is not positive, or a motion shorter than two cycles.
+        InputError: No period or part of one, a rate that is not positive, or a motion shorter than
+            two cycles.
     """
 
     trajectory: Trajectory
@@ -303,11 +304,8 @@ class Execution:
     [rad or m]. Empty: it comes straight, from wherever it stands."""
 
     def __post_init__(self) -> None:
-        if self.periods < 1 or self.settle < 0:
-            raise InputError(
-                "periods must be positive, settling periods not negative",
-                value=(self.periods, self.settle),
-            )
+        require_whole("periods", self.periods, 1)
+        require_whole("settling periods", self.settle, 0)
         if not (math.isfinite(self.rate_hz) and self.rate_hz > 0):
             raise InputError("the control rate must be positive", value=self.rate_hz)
         if self.cycles < 2:

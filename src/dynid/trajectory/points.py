@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, MotionBounds, check_word, frozen
 from dynid.trajectory.quintic import StraightMove, rest_to_rest
-from dynid.trajectory.trajectory import PoseFamily, StandingMotion, Trajectory
+from dynid.trajectory.trajectory import PoseFamily, StandingMotion, Trajectory, require_whole
 
 _JUMP = 1e-6
 """Largest jump where two parts meet: rad, rad/s and rad/s^2 (m for prismatic joints)."""
@@ -90,8 +90,7 @@ class Repetition(StandingMotion):
     """How many periods."""
 
     def __post_init__(self) -> None:
-        if not 1 <= self.times <= _MOST:
-            raise InputError("the number of repetitions", value=self.times, limit=(1, _MOST))
+        require_whole("the number of repetitions", self.times, 1, _MOST)
         if self.times > 1:
             _check_meeting(self.part, self.part, "the repetition")
 

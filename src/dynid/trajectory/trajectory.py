@@ -3,6 +3,7 @@
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from numbers import Integral
 from typing import ClassVar
 
 import numpy as np
@@ -42,6 +43,16 @@ def require_positive(what: str, value: float) -> None:
     """
     if not (math.isfinite(value) and value > 0):
         raise InputError(f"{what} must be positive", value=value)
+
+
+def require_whole(what: str, value: int, least: int, most: float = math.inf) -> None:
+    """Refuse a number that is not whole, or out of bounds: part of a period would end in motion.
+
+    Raises:
+        InputError: It is not, or it is.
+    """
+    if not (isinstance(value, Integral) and least <= value <= most):
+        raise InputError(f"{what}: a whole number", value=value, limit=f"{least} to {most:g}")
 
 
 class Trajectory(ABC):

@@ -10,7 +10,7 @@ from dynid.core import Array, InputError, freeze, frozen
 from dynid.trajectory.fourier import FourierSeries, harmonic_basis
 from dynid.trajectory.points import MotionSequence, PointToPoint, Repetition
 from dynid.trajectory.quintic import STEP, BSpline, FourierQuintic, Quintic
-from dynid.trajectory.trajectory import Trajectory, require_positive
+from dynid.trajectory.trajectory import Trajectory, require_positive, require_whole
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -215,10 +215,8 @@ def ur_program(
             period that is no whole number of control cycles, or no period.
     """
     require_positive("the control rate", rate_hz)
-    if repeats < 1 or settle < 0:
-        raise InputError(
-            "repetitions must be positive, settling periods not negative", value=(repeats, settle)
-        )
+    require_whole("repetitions", repeats, 1)
+    require_whole("settling periods", settle, 0)
     if trajectory.joints != _JOINTS:
         raise InputError("joints of a UR robot", value=trajectory.joints, limit=_JOINTS)
     cycles = _whole_cycles(trajectory, rate_hz)
