@@ -226,10 +226,15 @@ def test_the_scene_s_own_file_is_looked_at_from_any_folder(
 def test_limits_that_were_edited_hold_no_less_than_the_usual_ones(
     made: tuple[Path, str], name: str, tmp_path: Path
 ) -> None:
-    found = check(written(made, NOTICED[name][0], tmp_path))
-    assert (found.limits.margin_percent, found.limits.clearance) == (5.0, 0.01)
-    assert found.limits.collision
-    assert found.limits.preset == "safe"
+    def unsigned(document: Document) -> None:
+        NOTICED[name][0](document)
+        drop("design", "digest")(document)
+
+    for edit in (NOTICED[name][0], unsigned):
+        found = check(written(made, edit, tmp_path))
+        assert (found.limits.margin_percent, found.limits.clearance) == (5.0, 0.01)
+        assert found.limits.collision
+        assert found.limits.preset == "safe"
 
 
 @pytest.mark.parametrize(

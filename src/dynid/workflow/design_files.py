@@ -336,9 +336,9 @@ def _mount(facts: dict[str, Any]) -> str | None:
 def judge_of(design: StoredDesign, asked: SceneSettings) -> tuple[DesignLimits, MotionConstraints]:
     """What a design is held to, and the judge of it.
 
-    Limits that were edited in the file hold where they are stricter than the usual ones. Without
-    the scene of the certificate, or one that is asked for, the environment is unjudged; also where
-    the file of the scene's name says something else by now.
+    Limits that were edited in the file, or that no digest vouches for, hold where they are stricter
+    than the usual ones. Without the scene of the certificate, or one that is asked for, the
+    environment is unjudged; also where the file of the scene's name says something else by now.
 
     Raises:
         InputError: A scene that makes no sense, or one that would not be looked at.
@@ -346,7 +346,7 @@ def judge_of(design: StoredDesign, asked: SceneSettings) -> tuple[DesignLimits, 
     base, usual = design.limits, DesignLimits()
     moved = base is not None and "scene" in design.changed
     stale = base is not None and _stale(base)
-    if base is not None and "limits" in design.changed:
+    if base is not None and ("limits" in design.changed or design.digest == ABSENT):
         margin = max(base.margin_percent, usual.margin_percent)
         base = replace(base, margin_percent=margin, clearance=max(base.clearance, usual.clearance))
     if base is not None and moved:
