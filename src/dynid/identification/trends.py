@@ -21,6 +21,8 @@ LINEAR_FROM_K, SQUARE_FROM_K = 1.0, 6.0
 """Spread of temperature from which a slope, and from which a curvature too, is regressed out."""
 PERMUTATIONS, BATCH, ENOUGH = 9999, 1000, 20
 """At most so many, in batches, until so many have reached the statistic."""
+ROUNDS = 30
+"""Of the variance between recordings."""
 SEED = 20
 SAME_MOTION = 0.02
 """Recordings whose mean joint speeds differ by no more than this share repeat one motion."""
@@ -120,20 +122,15 @@ def trend(
     if motion is not None:
         design = _with_motions(design, motion)
     after = (np.arange(count)[:, None] >= steps).astype(np.float64)
-    spread = np.ones(count)
-    # First unweighted, for the variance between recordings; then with all variances.
-    for last in (False, False, False, True):
-        best, freedom = _scan(design, after, values, spread)
-        full = np.column_stack([design, after[:, best]])
-        inverse = np.linalg.pinv(full / spread[:, None])
-        fitted = inverse @ (values / spread)
-        error = values - full @ fitted
-        if last:
-            break
-        # The spread between recordings is what their own deviations do not explain.
-        between = max(float(np.square(error).sum() / freedom - np.mean(np.square(std))), 0.0)
-        spread = np.sqrt(np.square(std) + between)
-        spread = np.maximum(spread, 1e-9 * max(float(np.abs(values).max()), 1e-12))
+    own = np.maximum(std, 1e-9 * max(float(np.abs(values).max()), 1e-12))
+    # The test is one of no step, so its weights are those without one.
+    spread = _spread(design, values, own)
+    p_value, best = _tested(design, after, values / spread, spread, permutations)
+    full = np.column_stack([design, after[:, best]])
+    spread, freedom = _spread(full, values, own), _freedom(full)
+    inverse = np.linalg.pinv(full / spread[:, None])
+    fitted = inverse @ (values / spread)
+    error = values - full @ fitted
     noise = np.square(error / spread).sum() / freedom
     covariance = noise * inverse @ inverse.T
     plain = np.linalg.pinv(design / spread[:, None]) @ (values / spread)
@@ -156,8 +153,27 @@ def trend(
         change_std=float(np.sqrt(covariance[-1, -1])),
         slope_per_year=float(sloped[-1]),
         slope_std=float(np.sqrt(rest * np.square(turn[-1]).sum())),
-        p_value=_p_value(design, after, values / spread, spread, permutations),
+        p_value=p_value,
     )
+
+
+def _spread(design: Array, values: Array, own: Array) -> Array:
+    """(R) standard deviations: a recording's own, and one between recordings.
+
+    The second is what the first does not explain: with it the weighted squares have the sum to
+    expect (Paule and Mandel 1982), to which each recording contributes alike, noisy or not.
+    """
+    spread, between = np.ones(len(values)), 1.0
+    for _ in range(ROUNDS):
+        fitted = np.linalg.pinv(design / spread[:, None]) @ (values / spread)
+        squares = np.square((values - design @ fitted) / spread)
+        between *= float(squares.sum()) / _freedom(design)
+        spread = np.sqrt(np.square(own) + between)
+    return spread
+
+
+def _freedom(design: Array) -> int:
+    return max(len(design) - design.shape[1], 1)
 
 
 def _steps(time_s: Array) -> Indices:
@@ -193,14 +209,6 @@ def _with_motions(design: Array, motion: Indices) -> Array:
     return np.column_stack([design, *(column - column.mean() for column in columns)])
 
 
-def _scan(design: Array, after: Array, values: Array, spread: Array) -> tuple[int, int]:
-    """The best step, and the degrees of freedom beside it."""
-    root, steps = _whitened(design, after, spread)
-    error = values / spread
-    error = error - root @ (root.T @ error)
-    return int(np.argmax(np.square(steps.T @ error))), max(len(values) - design.shape[1] - 1, 1)
-
-
 def _whitened(design: Array, after: Array, spread: Array) -> tuple[Array, Array]:
     """An orthonormal basis of the design, and unit steps orthogonal to it."""
     root = np.linalg.qr(design / spread[:, None])[0]
@@ -210,14 +218,21 @@ def _whitened(design: Array, after: Array, spread: Array) -> tuple[Array, Array]
     return root, np.where(size > 1e-6 * size.max(), steps / np.maximum(size, 1e-300), 0.0)
 
 
-def _p_value(design: Array, after: Array, values: Array, spread: Array, permutations: int) -> float:
-    """Share of permutations that reach the statistic, sequential (Besag and Clifford 1991)."""
+def _tested(
+    design: Array, after: Array, values: Array, spread: Array, permutations: int
+) -> tuple[float, int]:
+    """Share of permutations that reach the statistic, and the step that has it.
+
+    Sequential (Besag and Clifford 1991).
+    """
     root, steps = _whitened(design, after, spread)
     error = values - root @ (root.T @ values)
+    gains = np.square(steps.T @ error)
+    best = int(np.argmax(gains))
     # What no more than rounding is left of has no step.
     if error @ error <= 1e-20 * (values @ values):
-        return 1.0
-    share = float(np.square(steps.T @ error).max() / (error @ error))
+        return 1.0, best
+    share = float(gains[best] / (error @ error))
     draw, reached, done = np.random.default_rng(SEED), 0, 0
     while done < permutations and reached < ENOUGH:
         mixed = draw.permuted(np.tile(error, (min(BATCH, permutations - done), 1)), axis=1)
@@ -225,7 +240,7 @@ def _p_value(design: Array, after: Array, values: Array, spread: Array, permutat
         most = np.square(mixed @ steps).max(axis=1) / np.square(mixed).sum(axis=1)
         reached += int((most >= share).sum())
         done += len(mixed)
-    return (1.0 + reached) / (1.0 + done)
+    return (1.0 + reached) / (1.0 + done), best
 
 
 def holm(p_values: Sequence[float]) -> Array:
