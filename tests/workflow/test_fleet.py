@@ -389,6 +389,9 @@ def test_another_program_is_not_another_friction() -> None:
     assert told.p_value > 0.05
     speeds = np.array([[1.0, 0.5], [1.005, 0.5], [2.0, 0.1], [0.995, 0.503], [3.0, 0.1]])
     assert repeated_motions(speeds).tolist() == [0, 0, -1, 0, -1]
+    # Of a joint at rest the encoder's noise is recorded.
+    at_rest = np.array([[2e-4], [3e-4], [1e-4], [2e-4], [2e-4]])
+    assert repeated_motions(np.hstack([speeds, at_rest])).tolist() == [0, 0, -1, 0, -1]
 
 
 PENDULUM = """

@@ -25,7 +25,8 @@ ROUNDS = 30
 """Of the variance between recordings."""
 SEED = 20
 SAME_MOTION = 0.02
-"""Recordings whose mean joint speeds differ by no more than this share repeat one motion."""
+"""Recordings whose mean joint speeds differ by no more than this share of the fastest joint's
+repeat one motion: the speed of a joint at rest is noise."""
 MOST_STEPS = 60
 """Times of a step that are tried, evenly taken from all."""
 SEGMENT = 3
@@ -79,7 +80,7 @@ def repeated_motions(speed: Array) -> Indices:
     while len(left):
         first = speed[left[0]]
         # The first of them is the same as itself, whatever its speeds.
-        same = np.atleast_1d((np.abs(speed[left] - first) <= SAME_MOTION * first).all(axis=1))
+        same = np.atleast_1d((np.abs(speed[left] - first) <= SAME_MOTION * first.max()).all(axis=1))
         if same.sum() >= SEGMENT:
             labels[left[same]] = labels.max() + 1
         left = left[~same]
