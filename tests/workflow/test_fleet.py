@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -36,9 +37,19 @@ def write(
     gain: float,
     mount: str = "file",
     worn: int = WORN,
+    program: int | None = None,
+    still: tuple[int, ...] = (),
 ) -> None:
     draw = np.random.default_rng([day, len(name)])
-    moved = motion(real.robot, "fourier", day % 2, RATE_HZ, LENGTH_S)
+    chosen = day % 2 if program is None else program
+    moved = motion(real.robot, "fourier", chosen, RATE_HZ, LENGTH_S)
+    stays = np.isin(np.arange(real.robot.joints), still)
+    moved = replace(
+        moved,
+        q=np.where(stays, moved.q[0], moved.q),
+        dq=np.where(stays, 0.0, moved.dq),
+        ddq=np.where(stays, 0.0, moved.ddq),
+    )
     rigid = real.torque(moved.q, moved.dq, moved.ddq)
     warm = 25.0 + 8.0 * draw.random(real.robot.joints)
     friction = real.friction(moved.dq, rigid, 1 / RATE_HZ) * np.exp(-0.02 * (warm - 29.0))
@@ -392,6 +403,19 @@ def test_another_program_is_not_another_friction() -> None:
     # Of a joint at rest the encoder's noise is recorded.
     at_rest = np.array([[2e-4], [3e-4], [1e-4], [2e-4], [2e-4]])
     assert repeated_motions(np.hstack([speeds, at_rest])).tolist() == [0, 0, -1, 0, -1]
+
+
+def test_a_joint_that_stands_still_has_not_lost_its_friction(tmp_path: Path) -> None:
+    real = plant(dynid.load_robot("ur5"), 1)
+    for day in range(20):
+        still = (4, 5) if day >= 15 else ()
+        write(tmp_path / "in", "arm", real, day, factor=1.0, gain=1.0, program=day, still=still)
+    found = dynid.fleet(tmp_path / "in", tmp_path / "out")
+    assert not found.alarms
+    last = found.joints[5]
+    assert last.friction is not None
+    assert len(last.friction.time_s) == 15
+    assert last.reference_speed > 0.1
 
 
 PENDULUM = """

@@ -54,6 +54,11 @@ def friction_names(base: BaseParametrization) -> list[list[str]]:
     return [[base.names[own[c]] for c in place] for place in friction_places(base)]
 
 
+def _moving(speed: Array) -> Mask:
+    """(N, n) where each joint moves, of its speeds (N, n) at N times or in N recordings."""
+    return speed > MOVING * speed.max(axis=0)
+
+
 def record_statistics(item: IdentificationProblem) -> RecordStatistics:
     """Sufficient statistics of one recording, in two passes over its samples."""
     alone, places = SharedProblem(problems=(item,)), friction_places(item.base)
@@ -80,12 +85,12 @@ def record_statistics(item: IdentificationProblem) -> RecordStatistics:
     for found, place in zip(long_run, places, strict=True):
         found[: len(place), : len(place)] = short * long_run_covariance(scores[place], lag)
     speed = np.abs(item.samples.dq)
-    moving = speed > MOVING * speed.max(axis=0)
+    moves = _moving(speed)
     return RecordStatistics(
         factors=factors,
         scores=long_run,
         samples=item.blocks,
-        speed=np.where(moving, speed, 0.0).sum(axis=0) / np.maximum(moving.sum(axis=0), 1),
+        speed=np.where(moves, speed, 0.0).sum(axis=0) / np.maximum(moves.sum(axis=0), 1),
     )
 
 
@@ -99,9 +104,11 @@ class RobotStates:
     """(s) their standard deviations, by the scatter between recordings; NaN where none of the
     recordings shows the parameter."""
     friction: Array
-    """(R, n, f) friction parameters of each recording and joint."""
+    """(R, n, f) friction parameters of each recording and joint; NaN where it stands still."""
     covariance: Array
-    """(R, n, f, f) their covariance, correlated residuals allowed for."""
+    """(R, n, f, f) their covariance, correlated residuals allowed for; NaN there too."""
+    speed: Array
+    """(n) median over the recordings of its mean speed where it moves [rad/s or m/s]."""
     scale: Array
     """(R, n) measured over predicted torque of the inertias: 1 where neither the inertias nor the
     drive gain of the joint moved."""
@@ -150,6 +157,9 @@ def solve_robot(statistics: Sequence[RecordStatistics]) -> RobotStates:
     own = np.einsum("rjff->rjf", covariance), np.einsum("rjff->rjf", naive)
     lift = np.sqrt(np.maximum(own[1] / np.maximum(own[0], 1e-300), 1.0))
     covariance = covariance * lift[..., :, None] * lift[..., None, :]
+    speeds = np.array([one.speed for one in statistics])
+    # A joint that stands still shows nothing of its friction.
+    moves = _moving(speeds)
     trace = np.einsum("rjff->rj", covariance), np.einsum("rjff->rj", naive)
     inertial = rest[..., :-1] @ shared
     power = np.square(inertial).sum(axis=2)
@@ -160,8 +170,11 @@ def solve_robot(statistics: Sequence[RecordStatistics]) -> RobotStates:
     return RobotStates(
         shared=shared,
         shared_std=np.where(resolved, _scatter(rest, noise, shared, inverse), np.nan),
-        friction=friction,
-        covariance=covariance,
+        friction=np.where(moves[..., None], friction, np.nan),
+        covariance=np.where(moves[..., None, None], covariance, np.nan),
+        speed=np.array(
+            [np.median(one[one > 0]) if one.any() else 0.0 for one in (speeds * moves).T]
+        ),
         scale=scale,
         scale_std=std,
         noise=noise,

@@ -280,13 +280,12 @@ def _robot(
     states = identification.solve_robot([one.statistics for one in group])
     time_s = np.array([one.time_s for one in group])
     warm = np.array([one.temperature_degC for one in group])
-    speeds = np.array([one.statistics.speed for one in group])
-    speed, motion = np.median(speeds, axis=0), identification.repeated_motions(speeds)
+    motion = identification.repeated_motions(np.array([one.statistics.speed for one in group]))
     names = identification.friction_names(base)
     weights = np.zeros(states.friction.shape[1:])
     for j, own in enumerate(names):
         for f, name in enumerate(own):
-            weights[j, f] = {"Fc": 1.0, "Fv": float(speed[j])}.get(name.rstrip("0123456789"), 0.0)
+            weights[j, f] = {"Fc": 1.0, "Fv": states.speed[j]}.get(name.rstrip("0123456789"), 0.0)
     level, level_std = states.level(weights)
     facts = {"robot": robot, "model": group[0].model}
     # What the robot's recordings share has no recording, no time and no temperature.
@@ -304,44 +303,44 @@ def _robot(
         reference = asked.reference_degC
         if reference is None:
             reference = float(np.median(warm[known, j])) if known.any() else float("nan")
-        found = [
+        pair = (level[:, j], level_std[:, j]), (states.scale[:, j], states.scale_std[:, j])
+        shown = [dated & np.isfinite(std) for _, std in pair]
+        friction, control = (
             identification.trend(
-                time_s[dated],
-                value[dated],
-                std[dated],
-                warm[dated, j],
+                time_s[told_by],
+                value[told_by],
+                std[told_by],
+                warm[told_by, j],
                 reference,
-                motion=motion[dated],
+                motion=motion[told_by],
                 permutations=permutations,
             )
-            for value, std in (
-                (level[:, j], level_std[:, j]),
-                (states.scale[:, j], states.scale_std[:, j]),
-            )
-            if np.isfinite(std[dated]).all()
-        ]
-        friction, control = (*found, None, None)[:2]
+            for told_by, (value, std) in zip(shown, pair, strict=True)
+        )
         joints.append(
             identification.JointState(
                 robot=robot,
                 joint=j,
                 name=name,
                 unit="N" if model.prismatic[j] else "N.m",
-                reference_speed=float(speed[j]),
+                reference_speed=float(states.speed[j]),
                 friction=friction,
                 control=control,
             )
         )
         own = np.sqrt(np.maximum(np.einsum("rff->rf", states.covariance[:, j]), 0.0))
         series = [
-            (f"friction{j + 1}", level[:, j], level_std[:, j], friction),
-            (f"torque_scale{j + 1}", states.scale[:, j], states.scale_std[:, j], control),
-            *((n, states.friction[:, j, f], own[:, f], None) for f, n in enumerate(names[j])),
+            (f"friction{j + 1}", *pair[0], shown[0], friction),
+            (f"torque_scale{j + 1}", *pair[1], shown[1], control),
+            *(
+                (n, states.friction[:, j, f], own[:, f], dated, None)
+                for f, n in enumerate(names[j])
+            ),
         ]
-        for quantity, value, std, over in series:
+        for quantity, value, std, told_by, over in series:
             at = np.full((2, len(group)), np.nan)
             if over is not None:
-                at[:, dated] = over.at_reference, over.std
+                at[:, told_by] = over.at_reference, over.std
             rows += [
                 {
                     **facts,
