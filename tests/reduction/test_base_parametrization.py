@@ -166,6 +166,23 @@ def test_a_seed_gives_the_same_bits_and_any_seed_the_same_structure() -> None:
         )
 
 
+@pytest.mark.parametrize("kinds", ["rppp", "ppp", "pppprr", "ppppppp"])
+def test_an_arm_of_slides_keeps_the_friction_of_every_joint(kinds: str) -> None:
+    random, joints = np.random.default_rng(3), len(kinds)
+    placements, axes = np.tile(np.eye(4), (joints, 1, 1)), random.normal(size=(joints, 3))
+    placements[:, :3, 3] = random.uniform(-0.3, 0.3, (joints, 3))
+    robot = robot_from_chain(
+        name="gantry",
+        placements=placements,
+        axes=axes / np.linalg.norm(axes, axis=1, keepdims=True),
+        joint_types=[{"r": "revolute", "p": "prismatic"}[kind] for kind in kinds],
+    )
+    base = reduce_model(InverseDynamicModel(robot=robot))
+    assert not base.warnings
+    assert base.rank == base.classes.rank
+    assert {f"Fc{j + 1}" for j in range(joints)} <= set(base.names)
+
+
 def test_few_points_are_raised_and_many_need_little_memory() -> None:
     model = InverseDynamicModel(robot=load_robot("ur5"))
     assert reduce_model(model, samples=1).samples == 20

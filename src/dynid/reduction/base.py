@@ -104,20 +104,37 @@ def regrouping(
 ) -> tuple[tuple[int, ...], tuple[int, ...], Array]:
     """First-come base columns and how the others regroup into them (Gautier 1991).
 
-    Of W (M, p), by |R_jj| of the column-normalised QR: base columns (r), dependent columns (p - r)
+    Of W (M, p), columns normalised: base columns (r), dependent columns (p - r)
     and K (r, p - r) with W2 = W1 K.
     """
     scaled, scale, _ = _unit_columns(w)
-    # A dependent column leaves nothing but rounding on the diagonal.
-    independent = np.abs(np.diag(upper_triangle(scaled))) > max(tolerance, ROUNDING)
-    base, dependent = np.flatnonzero(independent), np.flatnonzero(~independent)
+    base = _first_come(upper_triangle(scaled), max(tolerance, ROUNDING))
+    dependent = [j for j in range(scaled.shape[1]) if j not in base]
     r = len(base)
-    upper = upper_triangle(scaled[:, np.concatenate([base, dependent])])
+    upper = upper_triangle(scaled[:, [*base, *dependent]])
     # Rounding over a diagonal that is hardly more would be terms of every row above it.
     k = solve_upper(upper[:r, :r], np.where(np.abs(upper[:r, r:]) < ROUNDING, 0.0, upper[:r, r:]))
     k[np.abs(k) < NO_SHARE] = 0.0
     k = k * (scale[dependent][None, :] / scale[base][:, None])
-    return tuple(base.tolist()), tuple(dependent.tolist()), k
+    return tuple(base), tuple(dependent), k
+
+
+def _first_come(columns: Array, tolerance: float) -> list[int]:
+    """Columns (p, p) of which more than a share is not in the span of the chosen ones before.
+
+    Not by the diagonal of one QR: there the rounding that dependent columns leave becomes a
+    direction too, and the few rows that some joints have run out of directions.
+    """
+    basis, chosen = np.zeros_like(columns), list[int]()
+    for j, column in enumerate(columns.T):
+        rest = column
+        for _ in range(2):
+            rest = rest - basis @ (rest @ basis)
+        size = float(np.linalg.norm(rest))
+        if size > tolerance:
+            basis[:, len(chosen)] = rest / size
+            chosen.append(j)
+    return chosen
 
 
 def _unit_columns(w: Array) -> tuple[Array, Array, Mask]:
