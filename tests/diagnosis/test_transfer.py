@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pinocchio_arm import NOISE, Wrong, arm, recording
 
-from dynid import identify
+from dynid import ExperimentRecord, identify
 from dynid.core import Finding
 from dynid.identification import Estimate
 from dynid.validation import CAUSES, refit_friction, samples_of, validate
@@ -32,6 +32,27 @@ def test_a_gain_shows_as_gravity_and_inertia(estimate: Estimate) -> None:
     assert abs(gravity[2]) < 0.05
     assert CAUSES[int(np.argmax(result.transfer.rms[:, 1]))] == "gravity"
     assert set(json.loads(json.dumps(result.to_json()))["transfer"]) >= set(CAUSES)
+
+
+def test_a_gain_shows_so_where_motors_are_coupled(tmp_path: Path) -> None:
+    robot = arm(tmp_path)
+    coupling = np.diag([80.0, 80.0, 50.0])
+    coupling[1, 0] = -40.0
+    motors = coupling.T @ np.diag([1e-4, 2e-3, 1e-4]) @ coupling
+    coupled = replace(robot, drives=replace(robot.drives, coupling=coupling))
+
+    def recorded(seed: int, gain: float) -> ExperimentRecord:
+        plain = recording(Wrong(seed=seed))
+        speed = np.gradient(plain.signals["q"], plain.t, axis=0)
+        effort = plain.signals["effort"] + np.gradient(speed, plain.t, axis=0) @ motors
+        effort = effort * np.array([1.0, gain, 1.0])
+        return replace(plain, signals={**plain.signals, "effort": effort})
+
+    settings = IdentifySettings(preset="paper", estimator="wls")
+    estimate = identify(recorded(0, 1.0), coupled, settings).estimate
+    found = validate(estimate, recorded(9, 1.2)).transfer
+    assert found is not None
+    assert found.share[:, 1] == pytest.approx(0.2, abs=0.02)
 
 
 @pytest.mark.parametrize("known", [0, pytest.param(2, marks=pytest.mark.long)])

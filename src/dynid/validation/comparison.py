@@ -73,13 +73,11 @@ def transfer_report(estimate: Estimate, samples: Samples, error: Array) -> Trans
     The error (N, n) is measured minus predicted torques of the record's used rows [N.m or N].
     """
     model, n = estimate.model, samples.joints
-    parameters = np.array(estimate.standard_parameters())
-    parameters[10 * n :] = 0.0
+    inertial = [k < 10 * n or name.startswith("Im") for k, name in enumerate(model.names)]
+    parameters = np.where(inertial, estimate.standard_parameters(), 0.0)
     rest = np.zeros_like(samples.q)
     gravity = model.inverse_dynamics(samples.q, rest, rest, parameters)
     moving = model.inverse_dynamics(samples.q, samples.dq, samples.ddq, parameters) - gravity
-    known = dict(zip(model.names, estimate.standard_parameters(), strict=True))
-    moving += samples.ddq * np.array([known.get(f"Im{j + 1}", 0.0) for j in range(n)])
     rows, fast = samples.rows, np.percentile(np.abs(samples.dq), 98, axis=0)
     rms, share, left = np.zeros((len(CAUSES), n)), np.full((2, n), np.nan), np.zeros(n)
     for j in range(n):
