@@ -16,7 +16,21 @@ import pytest
 import dynid
 from dynid.bench import Plant, motion, plant
 from dynid.cli.app import main
-from dynid.identification import JointState, holm, judge, repeated_motions, trend
+from dynid.identification import (
+    IdentificationProblem,
+    JointState,
+    friction_names,
+    holm,
+    judge,
+    record_statistics,
+    repeated_motions,
+    shared_names,
+    solve_robot,
+    trend,
+)
+from dynid.reduction import reduce_model
+from dynid.regressor import InverseDynamicModel
+from dynid.signals import process
 from dynid.workflow import identify_files, report
 
 START = datetime(2026, 1, 5, tzinfo=UTC)
@@ -416,6 +430,33 @@ def test_a_joint_that_stands_still_has_not_lost_its_friction(tmp_path: Path) -> 
     assert last.friction is not None
     assert len(last.friction.time_s) == 15
     assert last.reference_speed > 0.1
+
+
+def test_a_motor_that_drives_two_joints_has_its_friction_in_both() -> None:
+    robot, draw = dynid.load_robot("ur5"), np.random.default_rng(2)
+    coupling = np.diag([101.0, 101.0, 101.0, 80.0, 80.0, 50.0])
+    coupling[5, 4] = -50.0
+    robot = replace(robot, drives=replace(robot.drives, coupling=coupling))
+    model = InverseDynamicModel(robot=robot)
+    base = reduce_model(model)
+    links = np.nan_to_num(robot.inertias, nan=0.01).ravel()
+    truth = np.concatenate([links, draw.uniform(0.5, 2.0, len(model.columns) - len(links))])
+    told = []
+    for seed in range(3):
+        moved = motion(robot, "fourier", seed, RATE_HZ, 10.0)
+        torque = model.inverse_dynamics(moved.q, moved.dq, moved.ddq, truth)
+        signals = {"q": moved.q, "qd": moved.dq, "effort": draw.normal(torque, 0.1)}
+        samples = process(dynid.ExperimentRecord(t=moved.t, signals=signals), robot)
+        told.append(record_statistics(IdentificationProblem(base=base, samples=samples)))
+    states = solve_robot(told)
+    known = dict(zip(base.names, base.from_standard(truth), strict=True))
+    assert {"Fcm6", "Fvm6"} <= set(friction_names(base)[5])
+    for j, names in enumerate(friction_names(base)):
+        for f, name in enumerate(names):
+            assert states.friction[:, j, f] == pytest.approx(known[name], abs=0.03)
+    shared = [known[name] for name in shared_names(base)]
+    assert states.shared == pytest.approx(shared, abs=0.03)
+    assert states.noise == pytest.approx(0.1, rel=0.1)
 
 
 PENDULUM = """

@@ -14,8 +14,8 @@ import numpy as np
 from dynid.core import Array, JobError, Mask, upper_triangle
 from dynid.identification.problem import IdentificationProblem
 from dynid.identification.shared import SharedProblem, friction_parameters, friction_places
-from dynid.identification.statistics import correlation_lag, long_run_covariance, scores_of
-from dynid.reduction import BaseParametrization
+from dynid.identification.statistics import correlation_lag, long_run_covariance
+from dynid.reduction import BaseParametrization, acting_joints
 
 ROUNDS = 6
 """Rounds of weighting each joint of each recording by its own noise."""
@@ -49,9 +49,23 @@ def shared_names(base: BaseParametrization) -> list[str]:
 
 
 def friction_names(base: BaseParametrization) -> list[list[str]]:
-    """For each joint, the names of its friction parameters, in the order of `RobotStates`."""
+    """For each joint, the names of its own friction parameters, the first in `RobotStates`."""
     own = friction_parameters(base)
     return [[base.names[own[c]] for c in place] for place in friction_places(base)]
+
+
+def _acting_places(base: BaseParametrization) -> list[list[int]]:
+    """For each joint, which of `friction_parameters` act on it, its own first.
+
+    Of a motor that drives several joints, each of these has a value of its own.
+    """
+    acting, first = acting_joints(base.model), 10 * base.model.robot.joints
+    found = friction_places(base)
+    for j, place in enumerate(found):
+        for c, k in enumerate(friction_parameters(base)):
+            if c not in place and acting[base.independent[k] - first, j]:
+                place.append(c)
+    return found
 
 
 def _moving(speed: Array) -> Mask:
@@ -61,12 +75,11 @@ def _moving(speed: Array) -> Mask:
 
 def record_statistics(item: IdentificationProblem) -> RecordStatistics:
     """Sufficient statistics of one recording, in two passes over its samples."""
-    alone, places = SharedProblem(problems=(item,)), friction_places(item.base)
+    alone, places = SharedProblem(problems=(item,)), _acting_places(item.base)
     own, widest = len(alone.own), max(len(place) for place in places)
     width = widest + alone.shared + 1
     factors = np.zeros((alone.joints, width, width))
     for found, whole, place in zip(factors, alone.factors(0), places, strict=True):
-        # Friction of other joints has no part in a joint's torque.
         rows = np.zeros((len(whole), width))
         rows[:, : len(place)] = whole[:, place]
         rows[:, widest:] = whole[:, own:]
@@ -75,20 +88,22 @@ def record_statistics(item: IdentificationProblem) -> RecordStatistics:
     rest = factors[None, :, widest:, widest:]
     level = np.linalg.norm(factors[..., -1], axis=1)[None]
     local = _pooled(rest, np.maximum(level, 1e-9 * max(float(level.max()), 1e-9)))[0]
-    values = np.concatenate([np.zeros(own), local])
-    for friction, place in zip(_friction(factors, local)[0], places, strict=True):
-        values[place] = friction[: len(place)]
-    scores, residual = scores_of(alone.chunks(0), item.blocks, values, np.ones(alone.joints))
+    values = np.tile(np.concatenate([np.zeros(own), local]), (alone.joints, 1))
+    for row, friction, place in zip(values, _friction(factors, local)[0], places, strict=True):
+        row[place] = friction[: len(place)]
+    scores = np.zeros((alone.joints, widest, item.blocks))
+    residual = np.empty((alone.joints, item.blocks))
+    for part, columns, torque in alone.chunks(0):
+        residual[:, part] = torque - np.einsum("jc,cjt->jt", values, columns)
+        for j, place in enumerate(places):
+            scores[j, : len(place), part] = columns[place, j] * residual[j, part]
     lag = correlation_lag(residual, item.rate_hz)
     short = 1.0 / max(1.0 - 2.0 * lag / item.blocks, 0.5)
-    long_run = np.zeros((alone.joints, widest, widest))
-    for found, place in zip(long_run, places, strict=True):
-        found[: len(place), : len(place)] = short * long_run_covariance(scores[place], lag)
     speed = np.abs(item.samples.dq)
     moves = _moving(speed)
     return RecordStatistics(
         factors=factors,
-        scores=long_run,
+        scores=np.array([short * long_run_covariance(one, lag) for one in scores]),
         samples=item.blocks,
         speed=np.where(moves, speed, 0.0).sum(axis=0) / np.maximum(moves.sum(axis=0), 1),
     )

@@ -284,8 +284,9 @@ def _robot(
     names = identification.friction_names(base)
     weights = np.zeros(states.friction.shape[1:])
     for j, own in enumerate(names):
+        of = {"Fc": 1.0, "Fcm": 1.0, "Fv": states.speed[j], "Fvm": states.speed[j]}
         for f, name in enumerate(own):
-            weights[j, f] = {"Fc": 1.0, "Fv": states.speed[j]}.get(name.rstrip("0123456789"), 0.0)
+            weights[j, f] = of.get(name.rstrip("0123456789"), 0.0)
     level, level_std = states.level(weights)
     facts = {"robot": robot, "model": group[0].model}
     # What the robot's recordings share has no recording, no time and no temperature.

@@ -35,7 +35,7 @@ from dynid.robot import load_robot, robot_to_json
 from dynid.signals import ProcessingSettings, process
 from dynid.workflow.recordings import known_gains, stored_robot
 
-SCHEME = 2
+SCHEME = 3
 """Of what is cached; another number makes all of it new."""
 MANIFEST = "manifest.csv"
 COLUMNS = ("file", "robot", "model", "time", "temperature_degC")
