@@ -369,6 +369,24 @@ def test_false_alarms_come_at_the_stated_rate(least: float) -> None:
     assert holm([0.01, 0.04, 0.03]).tolist() == pytest.approx([0.03, 0.06, 0.06])
 
 
+@pytest.mark.parametrize("step", [0.0, 3.0])
+def test_the_level_now_is_as_far_off_as_stated(step: float) -> None:
+    draw, away = np.random.default_rng(6), []
+    time_s, late = DAY_S * np.arange(20.0), np.arange(20) >= 12
+    for _ in range(200):
+        std, warm = draw.uniform(0.1, 0.6, 20), draw.normal(25.0, 3.0, 20)
+        program = draw.integers(0, 3, 20)
+        true = 10.0 + 2.0 * program.mean() + step
+        values = 10.0 - 0.3 * (warm - 27) + 2.0 * program + step * late + std * draw.normal(size=20)
+        state = JointState(
+            robot="a", joint=0, name="j", unit="N.m", reference_speed=1.0, control=None,
+            friction=trend(time_s, values, std, warm, 27.0, motion=program, permutations=1),
+            alarm="friction_drift" if step else "",
+        )  # fmt: skip
+        away.append(abs(state.now - true) / state.now_std)
+    assert np.mean(np.array(away) < 1.96) == pytest.approx(0.95, abs=0.06)
+
+
 def test_a_trace_of_the_control_does_not_make_friction_a_gain() -> None:
     draw = np.random.default_rng(4)
     time_s, none, std = DAY_S * np.arange(24.0), np.full(24, np.nan), np.full(24, 0.001)

@@ -55,6 +55,7 @@ class Trend(Value):
     """Slope over temperature there; 0 where none was regressed out."""
     level: float
     """Mean at the reference temperature, without a step."""
+    level_std: float
     step_at: int
     """The first recording after the step that fits best."""
     before: float
@@ -62,6 +63,8 @@ class Trend(Value):
     change: float
     """Height of that step."""
     change_std: float
+    after_std: float
+    """Standard deviation of the mean after that step."""
     slope_per_year: float
     """Of a straight line in place of the step."""
     slope_std: float
@@ -128,19 +131,15 @@ def trend(
     spread = _spread(design, values, own)
     p_value, best = _tested(design, after, values / spread, spread, permutations)
     full = np.column_stack([design, after[:, best]])
-    spread, freedom = _spread(full, values, own), _freedom(full)
-    inverse = np.linalg.pinv(full / spread[:, None])
-    fitted = inverse @ (values / spread)
-    error = values - full @ fitted
-    noise = np.square(error / spread).sum() / freedom
-    covariance = noise * inverse @ inverse.T
-    plain = np.linalg.pinv(design / spread[:, None]) @ (values / spread)
+    spread = _spread(full, values, own)
     line = np.column_stack([design, (time_s - time_s[0]) / (YEAR_DAYS * DAY_S)])
-    turn = np.linalg.pinv(line / spread[:, None])
-    sloped = turn @ (values / spread)
-    rest = np.square((values - line @ sloped) / spread).sum() / freedom
+    (fitted, covariance, noise), (plain, steady, _), (sloped, drift, _) = (
+        _fitted(columns, values, spread) for columns in (full, design, line)
+    )
     effect = design[:, 1:] @ fitted[1 : design.shape[1]]
     blur = np.einsum("ij,jk,ik->i", design[:, 1:], covariance[1:-1, 1:-1], design[:, 1:])
+    ends = np.zeros(len(fitted))
+    ends[[0, -1]] = 1.0
     return Trend(
         time_s=time_s,
         at_reference=values - effect,
@@ -148,14 +147,24 @@ def trend(
         reference_degC=reference_degC,
         per_kelvin=float(fitted[1]) / 10.0 if warm else 0.0,
         level=float(plain[0]),
+        level_std=float(np.sqrt(steady[0, 0])),
         step_at=int(steps[best]),
         before=float(fitted[0]),
         change=float(fitted[-1]),
         change_std=float(np.sqrt(covariance[-1, -1])),
+        after_std=float(np.sqrt(ends @ covariance @ ends)),
         slope_per_year=float(sloped[-1]),
-        slope_std=float(np.sqrt(rest * np.square(turn[-1]).sum())),
+        slope_std=float(np.sqrt(drift[-1, -1])),
         p_value=p_value,
     )
+
+
+def _fitted(design: Array, values: Array, spread: Array) -> tuple[Array, Array, float]:
+    """Coefficients of weighted least squares, their covariance, and the residual variance."""
+    inverse = np.linalg.pinv(design / spread[:, None])
+    found = inverse @ (values / spread)
+    noise = float(np.square((values - design @ found) / spread).sum()) / _freedom(design)
+    return found, noise * inverse @ inverse.T, noise
 
 
 def _spread(design: Array, values: Array, own: Array) -> Array:
@@ -166,9 +175,7 @@ def _spread(design: Array, values: Array, own: Array) -> Array:
     """
     spread, between = np.ones(len(values)), 1.0
     for _ in range(ROUNDS):
-        fitted = np.linalg.pinv(design / spread[:, None]) @ (values / spread)
-        squares = np.square((values - design @ fitted) / spread)
-        between *= float(squares.sum()) / _freedom(design)
+        between *= _fitted(design, values, spread)[2]
         spread = np.sqrt(np.square(own) + between)
     return spread
 
@@ -313,11 +320,10 @@ class JointState:
 
     @property
     def now_std(self) -> float:
-        """Standard deviation of `now`, from the recordings that it is the mean of."""
+        """Standard deviation of `now`."""
         if self.friction is None:
             return float("nan")
-        std = self.friction.std[self.friction.step_at if self.alarm else 0 :]
-        return float(1.0 / np.sqrt(np.sum(1.0 / np.square(std))))
+        return self.friction.after_std if self.alarm else self.friction.level_std
 
 
 def judge(joints: Sequence[JointState], false_alarms: float) -> tuple[tuple[JointState, ...], int]:
