@@ -231,15 +231,17 @@ def test_state_for_dashboards_and_page(found: dynid.Fleet) -> None:
         ("2026-01-31T08-30", "08:30:00"),
         ("2026-01-31T08-30-15", "08:30:15"),
         ("2026-01-31 08-30 run 2", "08:30:00"),
+        ("arm/2026-01-31/2026-01-31_0830", "08:30:00"),
     ],
 )
 def test_the_name_of_a_file_tells_its_time(
     data: Path, tmp_path: Path, name: str, minute: str
 ) -> None:
     folder = tmp_path / "recordings"
-    folder.mkdir()
+    file = folder / f"{name}.parquet"
+    file.parent.mkdir(parents=True)
     one = next((data / "recordings" / "arm a").rglob("*.parquet"))
-    (folder / f"{name}.parquet").write_bytes(one.read_bytes())
+    file.write_bytes(one.read_bytes())
     told = dynid.fleet(folder, tmp_path / "out").to_json()
     assert told["robots"][0]["first"] == f"2026-01-31T{minute}+00:00"
 

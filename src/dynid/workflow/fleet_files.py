@@ -201,10 +201,11 @@ def _placed(
     name: str, known: _Contribution, row: Mapping[str, str], *, computed: bool
 ) -> FleetRecording:
     folders = name.split("/")[:-1]
-    day = _DAY.search(name)
+    # A file in the folder of its day may tell the time as well.
+    day = max(_DAY.findall(name), key=len, default="")
     named = next((part for part in folders if not _DAY.fullmatch(part)), "")
     facts = known.facts
-    when = facts.get("time") or row.get("time") or (day.group() if day else "")
+    when = facts.get("time") or row.get("time") or day
     temperature = known.temperature_degC
     if np.isnan(temperature).any() and row.get("temperature_degC"):
         try:
