@@ -36,6 +36,8 @@ ALIKE = 1.03
 SPEED_SHARE = 99.0
 """Percentile of the speeds that counts as the highest."""
 STRETCHES = 64
+FEWEST_SAMPLES = 16 * STRETCHES
+"""In motion."""
 FOLDS = 8
 """Every eighth stretch is left out in turn: each lasts many waves, and all speeds stay seen."""
 RIDGE = 1e-3
@@ -220,7 +222,7 @@ def find_ripples(
     """
     # At rest there is stiction, and a wave that stands still.
     moving = (np.abs(dq) > MOVING).any(axis=0)
-    if np.count_nonzero(moving) < 16 * STRETCHES:
+    if np.count_nonzero(moving) < FEWEST_SAMPLES:
         return ()
     q, dq, residual = (x[:, moving] for x in (q, dq, residual))
     gears = find_gears(q, dq, residual, rate_hz, prismatic)
