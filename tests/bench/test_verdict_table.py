@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from dynid.bench import Judged, Recorded, cases, markdown, run_verdicts, summarise
+from dynid.bench import Judged, Recorded, cases, markdown, recorded, run_verdicts, summarise
 from dynid.cli.app import main
 from dynid.core import JobError
 
@@ -17,6 +18,17 @@ def test_a_clean_recording_that_is_refused_is_no_success() -> None:
     told = summarise(run_verdicts(refuse, cases(0, 1, 0)))
     assert (told["clean"], told["good"], told["refused"]) == (1, 0, 1)
     assert "Refused recordings: 1." in markdown(told, "Refused")
+
+
+def test_random_arms_move_within_their_limits() -> None:
+    chosen = list(cases(1, 6, 0, random_arms=True))
+    assert len({case.arm for case in chosen}) == 6
+    for case in chosen:
+        made = recorded(case)
+        q, limits = made.record.signals["q"], made.robot.limits
+        assert 4 <= made.robot.joints <= 7
+        assert (q > limits.lower - 0.01).all() and (q < limits.upper + 0.01).all()
+        assert (np.abs(made.clean).max(axis=0) < limits.torque).all()
 
 
 def test_an_unknown_preset_is_bad_usage(capsys: pytest.CaptureFixture[str]) -> None:

@@ -214,6 +214,19 @@ def test_a_limit_that_is_left_out_beside_the_other_is_zero() -> None:
         assert (theirs.lowerPositionLimit[0], theirs.upperPositionLimit[0]) == limits
 
 
+def test_soft_limits_within_hard_ones_are_the_limits() -> None:
+    hard = '<axis xyz="0 0 1"/><limit lower="-2" upper="3" effort="5" velocity="1"/>'
+    for soft, limits in (
+        ('soft_lower_limit="-1.8" soft_upper_limit="2.5"', (-1.8, 2.5)),
+        ('soft_lower_limit="-4" soft_upper_limit="2.5"', (-2.0, 2.5)),
+        ('k_position="20"', (-2.0, 3.0)),
+        ('soft_lower_limit="0" soft_upper_limit="0"', (-2.0, 3.0)),
+    ):
+        inside = f'{hard}<safety_controller k_velocity="1" {soft}/>'
+        robot = robot_from_urdf(_links(chain(joint("j", "a", "b", inside=inside)), "ab"))
+        assert (robot.limits.lower[0], robot.limits.upper[0]) == limits
+
+
 @needs_models
 @pytest.mark.parametrize(
     ("name", "chains"),

@@ -46,11 +46,13 @@ r | 0 0 1 | 0 0 0.1 | 0 0 0 | 1.1 0.02 0.01 0.03 | 0.05 0.05 0.05 | 12 5 -3 3
 """
 _TABLES = {"seven": _SEVEN, "heavy": _HEAVY, "sliding": _SLIDING}
 ARMS = ("ur5", "ur10e", "ur3", *_TABLES)
+RANDOM = "random-"
+"""Before a number: an arm that is drawn."""
 
 
 def arm(name: str) -> RobotModel:
-    """One of `ARMS`: three built-in ones, and three of this module's."""
-    if name not in _TABLES:
+    """One of `ARMS`, three built-in ones and three of this module's, or a random one."""
+    if name not in _TABLES and not name.startswith(RANDOM):
         return load_robot(name)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}.urdf"
@@ -58,9 +60,38 @@ def arm(name: str) -> RobotModel:
         return load_robot(str(path))
 
 
+def _drawn(seed: int) -> str:
+    """The table of an arm of 4 to 7 joints, 0.5 to 8 m long; of a third of them a joint slides."""
+    draw = np.random.default_rng(seed)
+    n, scale = int(draw.integers(4, 8)), 10 ** draw.uniform(-0.3, 0.5)
+    slide = int(draw.integers(n)) if draw.random() < 0.35 else None
+    mass = 8 * scale**2.2 * np.exp(-np.linspace(0, 1.8, n)) * draw.uniform(0.6, 1.5, n)
+    lines: list[str] = []
+    for k in range(n):
+        axis = np.eye(3)[draw.integers(3)]
+        if draw.random() < 0.25:
+            axis = draw.normal(size=3)
+        elif k == 0:
+            axis = np.array([0.0, 0.0, 1.0])
+        arrow = scale * np.array([draw.uniform(0.15, 0.5), 0.0, draw.uniform(0.0, 0.2)])
+        turn = draw.choice([0, 90, -90, 180], 3) if draw.random() < 0.6 else np.zeros(3)
+        weight = 9.81 * float(mass[k:].sum())
+        limits = (0.6 * scale * weight * (n - k) ** 0.3, draw.uniform(1.5, 4),
+                  -draw.uniform(1.2, 3), draw.uniform(1.2, 3))  # fmt: skip
+        if k == slide:
+            limits = (2.2 * weight, 0.8 * scale**0.3, -0.2 * scale, 0.25 * scale)
+        body = (mass[k], *draw.normal(scale=0.06 * scale, size=3))
+        half = scale * np.array([0.05, 0.05, 0.15]) * draw.uniform(0.5, 1.5, 3)
+        parts = (axis / np.linalg.norm(axis), arrow, turn, body, half, limits)
+        words = (" ".join(f"{x:.5g}" for x in part) for part in parts)
+        lines.append(" | ".join(("p" if k == slide else "r", *words)))
+    return "\n".join(["", *lines, ""])
+
+
 def urdf(name: str) -> str:
     """The URDF of one of this module's arms."""
-    table = _TABLES[name]
+    drawn = name.startswith(RANDOM)
+    table = _drawn(int(name.removeprefix(RANDOM))) if drawn else _TABLES[name]
     parts = [f'<robot name="{name}"><link name="link0"/>']
     for k, line in enumerate(table.split("\n")[1:-1], start=1):
         kind, axis, xyz, degrees, body, half, limits = (x.strip() for x in line.split("|"))

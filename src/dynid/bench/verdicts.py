@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.bench.plants import ARMS, MOTIONS, Motion, Plant, arm, motion, plant
+from dynid.bench.plants import ARMS, MOTIONS, RANDOM, Motion, Plant, arm, motion, plant
 from dynid.core import Array, DynidError, Finding, Progress, silent
 from dynid.recording import ExperimentRecord
 from dynid.robot import RobotModel, joints_by_kind
@@ -89,14 +89,17 @@ class Recorded:
     """When contacts began."""
 
 
-def cases(seed: int, clean: int, each: int) -> Iterator[Case]:
-    """So many clean cases, then as many of `each` fault, over the sizes together."""
+def cases(seed: int, clean: int, each: int, random_arms: bool = False) -> Iterator[Case]:
+    """So many clean cases, then as many of `each` fault, over the sizes together.
+
+    Of the six arms of `ARMS`, or each of an arm of its own.
+    """
     draw = np.random.default_rng(seed)
 
     def one(fault: str | None, size: str) -> Case:
         rate = float(draw.choice([100, 125, 125, 250, 500, 1000]))
         return Case(
-            arm=str(draw.choice(ARMS)),
+            arm=f"{RANDOM}{draw.integers(1 << 20)}" if random_arms else str(draw.choice(ARMS)),
             motion=str(draw.choice(MOTIONS, p=[0.5, 0.3, 0.2])),
             rate_hz=rate,
             duration_s=float(draw.choice([10, 20, 20, 30, 60, 120])) if rate <= 125 else 15.0,

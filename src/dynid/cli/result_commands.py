@@ -285,6 +285,7 @@ def _verdicts(
     each: Annotated[int, ask.option("N", "Recordings of each fault, over three sizes.", min=0)] = 3,
     seed: Annotated[int, typer.Option(help="Seed of arms, motions and faults.")] = 0,
     preset: Annotated[str, ask.option("paper|best", "As for identify.")] = "best",
+    random_arms: Annotated[bool, typer.Option(help="A random arm for each recording.")] = False,
     json: ask.JsonFlag = False,
 ) -> None:
     """False alarms, and input faults that are identified."""
@@ -304,10 +305,12 @@ def _verdicts(
         )
 
     with show.progress_bar("bench") as progress:
-        rows = run_verdicts(judge, cases(seed, clean, each), progress=progress or silent)
+        chosen = cases(seed, clean, each, random_arms)
+        rows = run_verdicts(judge, chosen, progress=progress or silent)
     told = summarise(rows)
     if json:
-        show.print_json(told | {"right_cause_percent": rates(told), "seed": seed, "preset": preset})
+        asked = {"seed": seed, "preset": preset, "random_arms": random_arms}
+        show.print_json(told | {"right_cause_percent": rates(told)} | asked)
         return
     show.console().print(
         markdown(told, f"Seed {seed}, preset {preset}"), soft_wrap=True, markup=False

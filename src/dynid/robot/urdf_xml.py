@@ -307,7 +307,7 @@ def _joint(
         child=ends[1],
         origin=read_origin(element, where),
         axis=axis,
-        limits=_limits(element.find("limit"), kind, name, where, notes),
+        limits=_limits(element, kind, name, where, notes),
         mimic=_mimic(element.find("mimic"), where),
     )
 
@@ -317,9 +317,9 @@ UNLIMITED = 1e4
 
 
 def _limits(
-    found: ET.Element | None, kind: str, name: str, where: str, notes: list[str]
+    element: ET.Element, kind: str, name: str, where: str, notes: list[str]
 ) -> tuple[float, float, float, float]:
-    nan = math.nan
+    nan, found, soft = math.nan, element.find("limit"), element.find("safety_controller")
     if kind not in MOVING or found is None:
         return nan, nan, nan, nan
     lower = read_bound(found, "lower", where)
@@ -334,6 +334,12 @@ def _limits(
         if kind != "continuous":
             notes.append(f"joint {printable(name)}: limits 0 to 0 read as unknown")
         lower = upper = nan
+    elif soft is not None:
+        # Beyond these a controller takes the joint over.
+        soft_lower = max(lower, read_bound(soft, "soft_lower_limit", where))
+        soft_upper = min(upper, read_bound(soft, "soft_upper_limit", where))
+        if soft_lower < soft_upper:
+            lower, upper = soft_lower, soft_upper
     speed = read_bound(found, "velocity", where)
     effort = read_bound(found, "effort", where)
     if speed >= UNLIMITED:
