@@ -27,7 +27,8 @@ def test_random_arms_move_within_their_limits() -> None:
         made = recorded(case)
         q, limits = made.record.signals["q"], made.robot.limits
         assert 4 <= made.robot.joints <= 7
-        assert (q > limits.lower - 0.01).all() and (q < limits.upper + 0.01).all()
+        assert (q > limits.lower - 0.01).all()
+        assert (q < limits.upper + 0.01).all()
         assert (np.abs(made.clean).max(axis=0) < limits.torque).all()
 
 

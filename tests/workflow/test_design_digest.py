@@ -14,8 +14,15 @@ import pytest
 from dynid.core import InputError, JobError, write_json
 from dynid.excitation import DesignOptimiser, MotionSearch, random_numbers
 from dynid.experiment import ExperimentPlan, check_design
-from dynid.workflow import DesignSettings, RunSettings, check, design, judge_of, read_design
-from dynid.workflow.design_limits import given_limits
+from dynid.workflow import (
+    DesignSettings,
+    RunSettings,
+    check,
+    design,
+    given_limits,
+    judge_of,
+    read_design,
+)
 
 Document = dict[str, Any]
 SCENE = {"shapes": [{"type": "box", "size": [0.2, 0.2, 0.2], "position": [0.8, 0.8, 0.1]}]}
