@@ -111,6 +111,18 @@ def test_it_predicts_another_motion(found: Identification) -> None:
     assert (found.validation.metrics.rmse < 1.3 * QUIET * NOISE).all()
 
 
+def test_teeth_of_a_motor_are_seen_beside_each_other() -> None:
+    """Means over 4 ms leave nothing of them: their size was anything, from -2 to 6 on a TX40."""
+    plain = recording(0, rate=2000.0, noise=QUIET, width=0.02)
+    effort, q = plain.signals["effort"].copy(), plain.signals["q"][:, 0]
+    effort[:, 0] += 0.8 * np.sin(1536 * q) + 0.5 * np.cos(1632 * q)
+    record = ExperimentRecord(t=plain.t, signals={**plain.signals, "effort": effort})
+    estimate = identify(record, ur5()).estimate
+    (ripple,) = estimate.model.friction.ripples
+    assert sorted(round(gear.waves[-1]) for gear in ripple.gears) == [1536, 1632]
+    assert estimate.values[estimate.names.index("Fw1")] == pytest.approx(1.0, abs=0.1)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("correlation", [0.0, 0.95])
 def test_no_ripple_is_made_of_noise(correlation: float) -> None:

@@ -14,9 +14,9 @@ from dynid.reduction import reduce_model
 from dynid.regressor import Gear, InverseDynamicModel, TorqueRipple
 from dynid.signals import NYQUIST_SHARE, Samples
 
-FEWEST_WAVES = 40.0
-"""Slower waves look like gravity and friction; gears of arms turn their motors fifty times."""
-MOST_WAVES = 1000.0
+FEWEST_WAVES, MOST_WAVES = 40.0, 5000.0
+"""Slower waves look like gravity and friction: gears of arms turn their motors 30 to 160 times, and
+motors have up to 48 teeth and coils a turn."""
 GAIN = 0.01
 """A gear must lower the logarithm of a joint's held-out RMS by this much."""
 FAMILIES = ((1.0,), (0.5, 1.0), (1.0, 2.0), (0.5, 1.0, 2.0))
@@ -35,6 +35,8 @@ ALIKE = 1.03
 """Ratio of waves that belong to gears of one size."""
 SPEED_SHARE = 99.0
 """Percentile of the speeds that counts as the highest."""
+ROUNDS = 4
+"""Searches, each in what those before leave."""
 STRETCHES = 64
 FEWEST_SAMPLES = 16 * STRETCHES
 """In motion."""
@@ -176,6 +178,8 @@ def held_out(parts: Sequence[Array], residual: Array, together: int = 1) -> tupl
 
 MOST_SAMPLES = 40_000
 """Of a longer record, every so manieth."""
+SAMPLES_OF_A_WAVE = 4.0
+"""At least, of means over blocks: of fewer the size of a ripple cannot be told."""
 MATTERS = 1e-3
 """Ripple below this share of a joint's torque is not worth a column."""
 MOVING = 0.02
@@ -212,6 +216,16 @@ def with_ripple(
     return replace(model, friction=replace(model.friction, ripples=ripples))
 
 
+def at_its_waves(model: InverseDynamicModel, samples: Samples) -> Samples:
+    """Samples whose means over blocks leave of each wave of a model's ripple what it is."""
+    gears = [gear for ripple in model.friction.ripples for gear in ripple.gears]
+    fastest = max((max(gear.waves) * gear.speed / (2 * np.pi) for gear in gears), default=0.0)
+    if fastest == 0.0:
+        return samples
+    block = int(samples.rate_hz / (SAMPLES_OF_A_WAVE * fastest))
+    return replace(samples, block=max(1, min(samples.block, block)))
+
+
 def find_ripples(
     q: Array, dq: Array, residual: Array, rate_hz: float, prismatic: Sequence[bool]
 ) -> tuple[TorqueRipple, ...]:
@@ -225,10 +239,21 @@ def find_ripples(
     if np.count_nonzero(moving) < FEWEST_SAMPLES:
         return ()
     q, dq, residual = (x[:, moving] for x in (q, dq, residual))
-    gears = find_gears(q, dq, residual, rate_hz, prismatic)
-    columns = {gear: gear.columns(q[gear.joint], dq[gear.joint]) for gear in gears}
-    found = [_ripple(j, residual[j], columns) for j in range(len(q))]
-    return tuple(ripple for ripple in found if ripple is not None)
+    columns: dict[Gear, Array] = {}
+    ripples: list[TorqueRipple] = []
+    left = residual
+    for _ in range(ROUNDS):
+        # A strong wave hides others of the same joint.
+        gears = find_gears(q, dq, left, rate_hz, prismatic)
+        if not gears:
+            break
+        columns |= {gear: gear.columns(q[gear.joint], dq[gear.joint]) for gear in gears}
+        found = [_ripple(j, residual[j], columns) for j in range(len(q))]
+        ripples = [ripple for ripple in found if ripple is not None]
+        left = residual.copy()
+        for ripple in ripples:
+            left[ripple.joint] -= ripple.torque(q, dq)
+    return tuple(ripples)
 
 
 def _ripple(joint: int, residual: Array, columns: dict[Gear, Array]) -> TorqueRipple | None:
