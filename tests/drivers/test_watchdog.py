@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 
 from dynid.core import InputError
 from dynid.drivers import Abort, Cycle, Watchdog, WatchLimits
+from dynid.experiment.plan import watch_limits
+from dynid.robot import load_robot
 
 LIMITS = WatchLimits(
     lower=np.array([-1.0, np.nan]),
@@ -115,6 +117,21 @@ def test_each_cause_stops_the_motion(changes: dict[str, object], code: str, word
     assert abort is not None
     assert abort.code == code
     assert words in abort.message
+
+
+def test_a_joint_that_slides_is_told_in_metres() -> None:
+    robot = load_robot("ur5")
+    slides = replace(robot, joint_types=("prismatic", *robot.joint_types[1:]))
+    still = Cycle(timestamp=60.0, index=0, q=np.zeros(6), qd=np.zeros(6), target_q=np.zeros(6))
+    for changes, words in (
+        ({"q": np.eye(6)[0] * 9}, "at 9 m, outside"),
+        ({"qd": np.eye(6)[0] * 9}, "at 9 m/s, above"),
+        ({"q": np.eye(6)[0]}, "1 m away"),
+        ({"q": np.eye(6)[1]}, "1 rad away"),
+    ):
+        abort = Watchdog(watch_limits(slides), 125.0, TOTAL).see(replace(still, **changes))
+        assert abort is not None
+        assert words in abort.message
 
 
 def test_the_same_cycles_without_the_cause_pass() -> None:

@@ -56,6 +56,8 @@ class WatchLimits:
     """Largest speeds [rad/s or m/s]; NaN where unknown."""
     deviation: Array
     """Largest distances between target and measured positions [rad or m]."""
+    prismatic: tuple[bool, ...] = ()
+    """(n) joints that slide; empty where none does."""
 
     def __post_init__(self) -> None:
         n = np.size(self.lower)
@@ -200,13 +202,14 @@ class Watchdog:
 
     def _place(self, cycle: Cycle) -> Abort | None:
         q, limits = cycle.q, self._limits
+        units = ["m" if slides else "rad" for slides in limits.prismatic] or ["rad"] * len(q)
         # Where a limit is unknown (NaN), no comparison holds.
         outside = (q < limits.lower) | (q > limits.upper)
         if outside.any():
             j = int(np.argmax(outside))
             return Abort(
                 "limit",
-                f"joint {j + 1} is at {q[j]:.4g} rad, outside {limits.lower[j]:.4g} to "
+                f"joint {j + 1} is at {q[j]:.4g} {units[j]}, outside {limits.lower[j]:.4g} to "
                 f"{limits.upper[j]:.4g}",
             )
         # Asked this way round a velocity that is no number stops the robot too.
@@ -215,14 +218,15 @@ class Watchdog:
             j = int(np.argmax(fast))
             return Abort(
                 "limit",
-                f"joint {j + 1} moves at {cycle.qd[j]:.4g} rad/s, above {limits.velocity[j]:.4g}",
+                f"joint {j + 1} moves at {cycle.qd[j]:.4g} {units[j]}/s, above "
+                f"{limits.velocity[j]:.4g}",
             )
         away = np.abs(q - cycle.target_q)
         if not (away <= limits.deviation).all():
             j = int(np.argmax(away / limits.deviation))
             return Abort(
                 "deviation",
-                f"joint {j + 1} is {away[j]:.4g} rad away from its target, more than "
+                f"joint {j + 1} is {away[j]:.4g} {units[j]} away from its target, more than "
                 f"{limits.deviation[j]:.4g}",
             )
         return None

@@ -189,6 +189,7 @@ def watch_limits(robot: RobotModel) -> WatchLimits:
         upper=limits.upper + _PLACE_ROOM,
         velocity=_SPEED_ROOM * limits.velocity,
         deviation=np.full(robot.joints, DEVIATION),
+        prismatic=robot.prismatic,
     )
 
 
