@@ -26,10 +26,11 @@ from known_exports import (
     with_ripple,
 )
 
+from dynid.cli.app import main
 from dynid.core import Array, JobError
 from dynid.export import ExportModel, write_model, writing
 from dynid.export.verification import C_FLAGS, c_compiler, c_torque
-from dynid.identification import Estimate
+from dynid.identification import Estimate, write_estimate
 from dynid.regressor import FrictionTerms, InverseDynamicModel, friction_state
 from dynid.robot import RobotModel, load_robot
 
@@ -187,7 +188,9 @@ def test_states_are_those_of_the_library(step: Step, q: Array, pause: int) -> No
     np.testing.assert_allclose(np.array(along).T[has], expected[has], rtol=0, atol=SAME)
 
 
-def test_files_say_how_it_is_called_and_others_do_not_have_it(tmp_path: Path) -> None:
+def test_files_say_how_it_is_called_and_others_do_not_have_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     estimate = estimate_called("fs")
     plain = replace(estimate, model=replace(
         estimate.model, friction=replace(estimate.model.friction, presliding=())))  # fmt: skip
@@ -203,6 +206,11 @@ def test_files_say_how_it_is_called_and_others_do_not_have_it(tmp_path: Path) ->
         assert "after reversals comes on top" in told.text
         text = done.path.read_text()
         assert "Its presliding needs the past" in text
+    # "Sliding joints" would be those that the torques before are of, in N where sliding.
+    write_estimate(estimate, tmp_path / "arm.json")
+    out = ["-o", str(tmp_path / "arm.xml")]
+    assert main(["export", str(tmp_path / "arm.json"), "--to", "mjcf", *out]) == 0
+    assert "That is without presliding: friction" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("to", ["json", "c", "python"])

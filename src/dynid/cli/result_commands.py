@@ -81,7 +81,7 @@ def export_command(
             "range."
         )
         if result.left_out and result.model.presliding is not None:
-            screen.print(f"That is of sliding joints: {AFTER_REVERSALS}.")
+            screen.print(f"That is without presliding: {AFTER_REVERSALS}.")
     show.print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
 
 
