@@ -209,6 +209,17 @@ def test_caution_asks_for_more_room_than_the_limit() -> None:
     assert judge.violation(q, rest, rest, caution=-0.02)[0] < less
 
 
+def test_the_guess_of_friction_has_the_units_of_the_joints() -> None:
+    said = "8% per {} and 1% per {} of the torque limits"
+    for slides, units in (
+        (False, ("rad/s", "rad/s^2")),
+        (True, ("rad/s or m/s", "rad/s^2 or m/s^2")),
+    ):
+        robot = random_arm(3, 0, slides=slides)
+        settings = ConstraintSettings(bounds=usable_bounds(robot.limits), self_clearance=0.01)
+        assert said.format(*units) in "; ".join(MotionConstraints(robot, settings).notes)
+
+
 def test_what_is_unknown_does_not_bind_and_is_null() -> None:
     robot = random_arm(3, 0)
     bare = replace(

@@ -179,9 +179,11 @@ def prior_dynamics(robot: RobotModel) -> PriorDynamics | None:
     for k, column in enumerate(model.columns[10 * robot.joints :], start=10 * robot.joints):
         share = {"Fv": VISCOUS_SHARE, "Im": MOTOR_SHARE}.get(column.name.rstrip("0123456789"), 0.0)
         parameters[k] = share * size[column.joint]
+    slides = any(robot.prismatic)
+    speed, change = ("rad/s or m/s", "rad/s^2 or m/s^2") if slides else ("rad/s", "rad/s^2")
     notes.append(
-        f"friction and motor inertia taken as {COULOMB_SHARE:.0%}, {VISCOUS_SHARE:.0%} per rad/s"
-        f" and {MOTOR_SHARE:.0%} per rad/s^2 of the torque limits"
+        f"friction and motor inertia taken as {COULOMB_SHARE:.0%}, {VISCOUS_SHARE:.0%} per {speed}"
+        f" and {MOTOR_SHARE:.0%} per {change} of the torque limits"
     )
     return PriorDynamics(
         model=model,
