@@ -150,6 +150,7 @@ def test_shaded_stretches_and_numbers() -> None:
     assert [number(value, 2) for value in (99.9999, 99.4, 99999.9)] == ["100", "99", "1.0e+05"]
     assert joint_unit("N.m", (False, True)) == "N·m, N where sliding"
     assert joint_unit("rad/s", (True,)) == "m/s"
+    assert joint_unit("deg", (False, True)) == "deg, m where sliding"
 
 
 def test_every_colour_can_be_told_from_its_ground() -> None:

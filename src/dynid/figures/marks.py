@@ -211,7 +211,7 @@ def joint_unit(unit: str, prismatic: Sequence[bool]) -> str:
 
     From that of turning joints, such as `rad/s` or `N.m`, and which joints slide.
     """
-    sliding = unit.replace("N.m", "N").replace("rad", "m")
+    sliding = unit.replace("N.m", "N").replace("rad", "m").replace("deg", "m")
     if all(prismatic):
         return units(sliding)
     return units(f"{unit}, {sliding} where sliding" if any(prismatic) else unit)
