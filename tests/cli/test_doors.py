@@ -6,14 +6,15 @@ import os
 import re
 import stat
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from cli_runs import Outcome, Recordings, Run
 
 import dynid
-from dynid.cli.estimate_commands import print_metrics
-from dynid.cli.output import console
+from dynid.cli.estimate_commands import print_identification, print_metrics
+from dynid.cli.output import console, number
 from dynid.core import provenance
 from dynid.export import write_model
 
@@ -140,3 +141,19 @@ def test_units_are_those_of_the_joints(
     second = result.metrics.relative_error_percent[1]
     assert re.search(rf"sliding joints: {second:.3g} % of the torque.*e_N \S+ N with N", told)
     assert re.search(r"turning joints: \S+ % of the torque.*e_N \S+ N·m with N", told)
+
+
+def test_errors_of_its_own_recording_are_those_of_each_kind(
+    recordings: Recordings, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one, other = map(dynid.read_record, (recordings.identification, recordings.validation))
+    settings = dynid.IdentifySettings(preset="paper")
+    result = dynid.identify([one], "ur5", validation=other, settings=settings)
+    model = result.estimate.model
+    robot = replace(model.robot, joint_types=("prismatic", *model.robot.joint_types[1:]))
+    estimate = replace(result.estimate, model=replace(model, robot=robot))
+    print_identification(console(), replace(result, estimate=estimate), everything=False)
+    first = float(result.training.metrics.relative_error_percent[0])
+    told = capsys.readouterr().out
+    assert f"its own recording, sliding joints: {number(first, 3)} % of the torque" in told
+    assert "its own recording, turning joints: " in told

@@ -97,6 +97,12 @@ def test_units_of_sliding_joints_are_their_own(page: Page) -> None:
     text = visible(render(replace(contents, estimates=(slid,))))
     assert f"Tested up to {number(turned, 2)} rad/s." in text
     assert "torque and residual [N·m, N where sliding]" in text
+    # One error everywhere: that of the verdict, not the squares of N and N·m in one sum.
+    two = visible(render(replace(contents, estimates=(slid, slid))))
+    assert slid.errors is not None
+    error = number(slid.errors.moving, 2)
+    assert error != number(item.shown.moving.relative_error_overall_percent, 2)
+    assert re.search(rf"error, moving \[%\] .*? {re.escape(error)} {len(estimate.values)} ", two)
 
 
 def test_measured_torque_is_drawn_where_it_was_measured(page: Page) -> None:

@@ -14,7 +14,7 @@ from dynid.settings import IdentifySettings
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from dynid.validation import ValidationResult
+    from dynid.validation import Metrics, ValidationResult
     from dynid.workflow import Identification
 
 
@@ -41,8 +41,7 @@ def print_metrics(
         result.measured, result.predicted, result.moves, prismatic
     ).items():
         screen.print(
-            f"{kind} joints: {show.number(every.relative_error_overall_percent, 3)} % of the "
-            f"torque, {show.number(swift.relative_error_overall_percent, 3)} % while moving; "
+            f"{kind} joints: {_shares(every, swift)}; "
             f"e_N {show.number(every.normalized_error, 3)} "
             f"{joint_unit('N.m', [kind == 'sliding'] if kind != 'all' else prismatic)} "
             f"with N = {every.samples}"
@@ -52,13 +51,19 @@ def print_metrics(
         screen.print(f"90 % intervals hold {held} % of the torques of joints 1 to {len(rows)}")
 
 
+def _shares(every: Metrics, moving: Metrics) -> str:
+    whole, swift = (show.number(e.relative_error_overall_percent, 3) for e in (every, moving))
+    return f"{whole} % of the torque, {swift} % while moving"
+
+
 COLOURS = {"usable": "bold green", "care": "bold yellow", "do_not_use": "bold red"}
 FINDING_LINES = 12
 """Lines for findings that are printed unasked, strongest first, less one a joint."""
 
 
-def _print_identification(screen: Console, result: Identification, *, everything: bool) -> None:
+def print_identification(screen: Console, result: Identification, *, everything: bool) -> None:
     """Print the verdict, the errors and the findings; all parameters and choices if asked to."""
+    from dynid.validation import errors_by_kind
     from dynid.workflow import verdict
 
     estimate, judged = result.estimate, verdict(result)
@@ -84,11 +89,10 @@ def _print_identification(screen: Console, result: Identification, *, everything
     if result.validation is None or everything:
         print_metrics(screen, "Training", result.training, slides)
     else:
-        whole, moving = result.training.metrics, result.training.moving
-        screen.print(
-            f"its own recording: {show.number(whole.relative_error_overall_percent, 3)} % of the "
-            f"torque, {show.number(moving.relative_error_overall_percent, 3)} % while moving"
-        )
+        own = result.training
+        for kind, parts in errors_by_kind(own.measured, own.predicted, own.moves, slides).items():
+            whose = "" if kind == "all" else f", {kind} joints"
+            screen.print(f"its own recording{whose}: {_shares(*parts)}")
     if result.validation is not None:
         print_metrics(screen, "Validation", result.validation, slides)
     shown = list(result.warnings)
@@ -182,7 +186,7 @@ def fit_command(
         show.print_json(result.to_json())
         return
     screen = show.console()
-    _print_identification(screen, result.identification, everything=everything)
+    print_identification(screen, result.identification, everything=everything)
     if "targets" in result.gains_from:
         screen.print("Drive gains were found from the target currents and moments in the log.")
     for export in result.models:
@@ -259,7 +263,7 @@ def identify_command(
         )
     else:
         screen = show.console()
-        _print_identification(screen, result, everything=everything)
+        print_identification(screen, result, everything=everything)
         if output is None:
             screen.print("Nothing was written; keep the estimate with -o ESTIMATE.json")
         else:

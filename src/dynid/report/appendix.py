@@ -303,8 +303,7 @@ def _standard(item: ReportedEstimate, found: StandardParameters) -> Chapter:
 def _others(contents: ReportContents) -> Chapter:
     rows: list[tuple[str, ...]] = []
     for item in contents.estimates:
-        shown = item.shown
-        error = None if shown is None else shown.moving.relative_error_overall_percent
+        error = None if item.errors is None else item.errors.moving
         rows.append(
             (
                 item.label or item.name,

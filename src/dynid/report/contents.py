@@ -9,7 +9,12 @@ from dynid.identification import Estimate, StandardParameters
 from dynid.reduction import BaseParametrization
 from dynid.robot import RobotModel
 from dynid.trajectory import Trajectory
-from dynid.validation import ParameterComparison, ValidationResult
+from dynid.validation import (
+    DecidingErrors,
+    ParameterComparison,
+    ValidationResult,
+    deciding_errors,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +70,14 @@ class ReportedEstimate:
     def shown(self) -> ValidationResult | None:
         """The prediction that counts: of another record if there is one."""
         return self.validation or self.training
+
+    @property
+    def errors(self) -> DecidingErrors | None:
+        """Errors of that prediction, as the verdict counts them."""
+        if (shown := self.shown) is None:
+            return None
+        slides = self.estimate.model.robot.prismatic
+        return deciding_errors(shown.measured, shown.predicted, shown.moves, slides)
 
     @property
     def level(self) -> str:

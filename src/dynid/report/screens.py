@@ -11,7 +11,6 @@ from dynid.diagnosis import Answer
 from dynid.figures import joint_unit, number
 from dynid.report.contents import ReportContents, ReportedEstimate, joint_labels
 from dynid.report.figures import MODEL_NAMES, MODEL_ROLES, worst_first
-from dynid.validation import DecidingErrors, ValidationResult, deciding_errors
 
 PRECISE_PERCENT = 10.0
 """Relative standard deviation up to which a parameter is counted as precise."""
@@ -57,23 +56,18 @@ class Step:
 
 def headline(item: ReportedEstimate) -> str:
     """The first sentence of the page."""
-    shown = item.shown
-    if item.verdict is None or shown is None:
+    errors = item.errors
+    if item.verdict is None or errors is None:
         return "Not judged: its recording is not in the folder"
     if item.level == "do_not_use":
         return "This result must not be used"
     if item.validation is not None:
-        return f"Predicts torque to {_percent(_errors(item, shown).moving)} on another motion"
+        return f"Predicts torque to {_percent(errors.moving)} on another motion"
     told = item.estimate.assessment
     if told is not None:
         expected, _ = told.deciding_percent(item.estimate.model.robot.prismatic)
         return f"Expected to predict torque to {_percent(expected)}"
     return "Fits its own recording; no other motion has confirmed it"
-
-
-def _errors(item: ReportedEstimate, shown: ValidationResult) -> DecidingErrors:
-    slides = item.estimate.model.robot.prismatic
-    return deciding_errors(shown.measured, shown.predicted, shown.moves, slides)
 
 
 def _percent(value: float) -> str:
@@ -84,10 +78,10 @@ def lead(item: ReportedEstimate) -> str:
     """What it was identified from and validated on, and its error there with the rests."""
     made = ", ".join(item.conditions)
     text = f"Identified from one recording ({made})" if made else "Identified from a recording"
-    if item.validation is not None:
+    errors = item.errors
+    if item.validation is not None and errors is not None:
         tested = ", ".join(item.tested)
         text = f"{text}, validated on another motion" + (f" ({tested})" if tested else "")
-        errors = _errors(item, item.validation)
         moving, whole = _percent(errors.moving), _percent(errors.whole)
         return f"{text}." if moving == whole else f"{text}: {moving} in motion, {whole} with rests."
     return f"{text}; no other motion has been predicted."
@@ -99,7 +93,7 @@ def purposes(item: ReportedEstimate) -> tuple[PurposeAnswer, ...]:
         return ()
     estimate, shown = item.estimate, item.shown
     names = joint_labels(estimate.model.robot.joint_names)
-    error = float("nan") if shown is None else _errors(item, shown).moving
+    error = float("nan") if item.errors is None else item.errors.moving
     unit = "% of torque in motion"
     if item.validation is None and estimate.assessment is not None:
         error, _ = estimate.assessment.deciding_percent(estimate.model.robot.prismatic)

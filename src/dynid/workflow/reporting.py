@@ -380,9 +380,8 @@ def _comparisons(
 
 def _decides(item: ReportedEstimate) -> tuple[bool, float, str]:
     """The estimate that the page is about comes first: chosen settings, then the smallest error."""
-    shown = item.shown
-    error = np.inf if shown is None else shown.moving.relative_error_overall_percent
-    return item.estimate.preset != "best", float(error), item.name
+    error = np.inf if item.errors is None else item.errors.moving
+    return item.estimate.preset != "best", error, item.name
 
 
 def _robot_name(item: ReportedEstimate, records: Mapping[str, ExperimentRecord]) -> str:
