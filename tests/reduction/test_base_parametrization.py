@@ -15,7 +15,7 @@ from dynid.core import InputError
 from dynid.reduction import gram_layout, random_states, reduce_model
 from dynid.reduction.base import acting_joints, rank_and_classes, regrouping
 from dynid.regressor import FrictionTerms, Gear, InverseDynamicModel, LoadFriction, TorqueRipple
-from dynid.robot import RobotModel, load_robot, robot_from_chain
+from dynid.robot import RobotModel, from_xyz_rpy, load_robot, robot_from_chain
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "robots"
 ORACLE = Path(__file__).parents[3] / "shared" / "oracles" / "base_params_check.py"
@@ -241,6 +241,23 @@ def test_rounding_is_no_term_of_a_base_parameter() -> None:
     # An offset and |sign| differ at the slowest points alone: all else hangs on that difference.
     base = reduced(terms="fc,fv,im,fo,fs,fca")
     assert {f"Fo{j}" for j in range(2, 7)} <= set(base.expressions)
+
+
+def test_a_right_angle_of_few_digits_makes_no_huge_term_of_a_base_parameter() -> None:
+    # The axis of joint 1 has no part along z of link 2, but for the digits of 1.5708.
+    poses = (
+        ([0, 0.15, 3.0], [0, 0.4, 0]),
+        ([0, 0, 0.6], [1.5708, 0, 0]),
+        ([0, 0.15, 0.4], [0, 0, 1.5708]),
+    )
+    robot = robot_from_chain(
+        placements=np.array([from_xyz_rpy(*pose) for pose in poses]),
+        axes=np.array([[0.6, 0.0, 0.8], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+        joint_types=["revolute", "prismatic", "prismatic"],
+    )
+    base = reduce_model(InverseDynamicModel(robot=robot, frames="urdf"))
+    assert base.rank == 17
+    assert np.abs(base.regrouping).max() < 10
 
 
 def test_columns_of_any_size_and_order_are_told_apart() -> None:
