@@ -29,7 +29,7 @@ from dynid.identification.consistent import (
     sign_constraints,
     solve_conic,
 )
-from dynid.identification.physical import EXCESS, residual_sum
+from dynid.identification.physical import EXCESS, residual_sum, standard_fit
 from dynid.identification.problem import joint_factors
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
@@ -144,6 +144,20 @@ def test_the_solution_does_not_depend_on_the_size_of_friction(size: float) -> No
     here, there = solve_conic(problem, 0.1), solve_conic(other, 0.1)
     atol = SOLVERS_AGREE * np.abs(here.values).max()
     np.testing.assert_allclose(there.values / scale, here.values, rtol=0, atol=atol)
+
+
+@pytest.mark.parametrize("size", [1e-8, 1.0, 1e8])
+def test_a_bound_that_holds_does_not_make_its_parameter_certain(size: float) -> None:
+    plain = small_problem(2)
+    scale = np.ones(22)
+    scale[20:] = size
+    problem = replace(plain, matrix=plain.matrix / scale, constraints=plain.constraints / scale)
+    solution = solve_conic(problem, 0.1)
+    assert solution.held.tolist() == [True, False]
+    fit = standard_fit(problem, 0.1, solution, problem.matrix, np.eye(20))
+    # Noise would have moved it as much as the parameter beside it, which is free.
+    held, free = np.linalg.norm(fit.gain[20:] / scale[20:, None] * scale, axis=1)
+    assert 0.3 < held / free < 3
 
 
 def test_the_divergence_is_zero_at_the_prior_and_infinite_outside() -> None:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, JobError, require, scipy_part, upper_triangle
+from dynid.core import Array, JobError, Mask, require, scipy_part, upper_triangle
 from dynid.identification.bayesian import (
     NOT_NEGATIVE,
     InertialPrior,
@@ -154,6 +154,8 @@ class ConsistentSolution:
     """(p) standard parameters."""
     multipliers: Array
     """(k) of the bounds, zero where they do not bind."""
+    held: Mask
+    """(k) which bounds bind."""
 
 
 def solve_conic(problem: ConsistentProblem, gamma: float) -> ConsistentSolution:
@@ -200,10 +202,14 @@ def solve_conic(problem: ConsistentProblem, gamma: float) -> ConsistentSolution:
     solution = solver.solve()
     if str(solution.status) not in ("Solved", "AlmostSolved"):
         raise JobError("the conic solver found no solution", value=str(solution.status))
-    multipliers = np.array(solution.z[: len(sizes)], dtype=np.float64) / sizes
+    # In the solver's units, which those of the arm do not change.
+    multipliers, slack = (
+        np.array(x[: len(sizes)], dtype=np.float64) for x in (solution.z, solution.s)
+    )
     return ConsistentSolution(
         values=units @ np.array(solution.x[:width], dtype=np.float64),
-        multipliers=np.maximum(multipliers, 0.0),
+        multipliers=np.maximum(multipliers / sizes, 0.0),
+        held=multipliers > slack,
     )
 
 

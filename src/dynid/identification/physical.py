@@ -82,8 +82,9 @@ def standard_fit(
     turn = np.eye(len(values))
     turn[:inertial, :inertial] = bayesian.metric_moves(problem.pseudo_inertias(values))
     known = bayesian.metric_moves(to_pseudo_inertia(problem.prior))
-    slack = np.maximum(problem.constraints @ values - problem.floor, 1e-12)
-    stiff = np.sqrt(solution.multipliers / slack)
+    slack = np.maximum(problem.constraints @ values - problem.floor, 1e-300)
+    # A bound that holds does not tell how far noise would have moved the parameter without it.
+    stiff = np.where(solution.held, 0.0, np.sqrt(solution.multipliers / slack))
     rows = np.vstack(
         [
             problem.matrix @ turn,
@@ -101,8 +102,7 @@ def standard_fit(
     size = np.abs(values)
     size[:inertial] = np.linalg.norm(known, axis=1)
     share = np.divide(moved, size, out=np.ones_like(size), where=size > 0)
-    held = solution.multipliers > slack
-    bodies = np.abs(problem.constraints[held][:, :inertial]) > 0
+    bodies = np.abs(problem.constraints[solution.held][:, :inertial]) > 0
     share[:inertial][bodies.any(axis=0)] = 1.0
     return least_squares.StandardFit(
         values=values,
@@ -215,11 +215,10 @@ def _words(
         f"consistent bodies, prior weight {gamma:.2g}: weighted residual sum "
         f"{100 * excess:+.2g} % against weighted least squares"
     ]
-    slack = problem.constraints @ solution.values - problem.floor
     binding = [
         "-".join(names[i] for i in np.flatnonzero(row))
-        for row, s, z in zip(problem.constraints, slack, solution.multipliers, strict=True)
-        if z > s and not row[: 10 * problem.links].any()
+        for row in problem.constraints[solution.held]
+        if not row[: 10 * problem.links].any()
     ]
     if binding:
         words.append(f"at their bounds: {', '.join(binding)}")
