@@ -33,7 +33,13 @@ from dynid.identification.physical import EXCESS, residual_sum, standard_fit
 from dynid.identification.problem import joint_factors
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
-from dynid.robot import from_pseudo_inertia, is_physical, to_pseudo_inertia
+from dynid.robot import (
+    from_body,
+    from_pseudo_inertia,
+    is_physical,
+    robot_from_chain,
+    to_pseudo_inertia,
+)
 from dynid.signals import ProcessingSettings, process
 from dynid.workflow import Identification, IdentifySettings
 
@@ -214,6 +220,15 @@ def test_bodies_stay_near_their_links() -> None:
     away = p.copy()
     away[12] += 2.0 * away[10]
     assert (rows @ away - floor).min() < 0
+
+
+def test_a_body_may_lie_beside_axes_that_meet_in_one_point() -> None:
+    robot = robot_from_chain(placements=np.tile(np.eye(4), (2, 1, 1)), axes=np.eye(3)[[2, 1]])
+    published = from_body(1.0, np.zeros(3), 0.01 * np.eye(3))
+    robot = replace(robot, inertias=np.tile(published, (2, 1)))
+    rows, floor = body_constraints(InverseDynamicModel(robot=robot))
+    link = from_body(1.0, np.array([0.05, -0.05, 0.05]), 0.01 * np.eye(3))
+    assert (rows @ np.concatenate([link, link, np.zeros(6)]) - floor).min() > 0
 
 
 @pytest.fixture(scope="module")

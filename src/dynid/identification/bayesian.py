@@ -16,7 +16,7 @@ from dynid.robot import RobotModel, from_pseudo_inertia, move, to_pseudo_inertia
 THICKNESS = 0.1
 """Diameter of a body of unknown shape, over the arm's reach."""
 UNKNOWN_REACH_M = 0.5
-"""Reach of an arm of one link whose length nothing tells [m]."""
+"""Reach of an arm whose length nothing tells [m]."""
 DENSITY = 1500.0
 """Of a body of unknown mass: aluminium housings, motors and gears, not solid [kg/m^3]."""
 THINNEST = 0.1
@@ -52,6 +52,11 @@ def link_ends(robot: RobotModel) -> Array:
     return ends
 
 
+def reach(ends: Array) -> float:
+    """Length of an arm of links with `link_ends` (n, 3) [m]."""
+    return float(np.linalg.norm(ends, axis=1).sum()) or UNKNOWN_REACH_M
+
+
 def inertial_prior(robot: RobotModel, frames: str) -> InertialPrior:
     """The published inertias of a robot; missing ones are those of uniform bodies.
 
@@ -60,8 +65,7 @@ def inertial_prior(robot: RobotModel, frames: str) -> InertialPrior:
     at `DENSITY`. A published tensor that no body can have is rounded to one that can.
     """
     ends = link_ends(robot)
-    reach = float(np.linalg.norm(ends, axis=1).sum()) or UNKNOWN_REACH_M
-    thick = THICKNESS * max(reach, 1e-3)
+    thick = THICKNESS * max(reach(ends), 1e-3)
     inverses = np.asarray(np.linalg.inv(robot.parameter_frames[frames]), dtype=np.float64)
     rows: list[Array] = []
     missing: dict[str, list[str]] = {}

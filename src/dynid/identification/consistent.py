@@ -11,6 +11,7 @@ from dynid.identification.bayesian import (
     InertialPrior,
     link_ends,
     metric_moves,
+    reach,
     symbol_of,
 )
 from dynid.identification.problem import IdentificationProblem, base_mapping
@@ -113,7 +114,7 @@ def body_constraints(model: InverseDynamicModel) -> tuple[Array, Array]:
     """
     robot, unit = model.robot, np.eye(len(model.columns))
     ends = link_ends(robot)
-    margin = CENTRE_MARGIN * float(np.linalg.norm(ends, axis=1).sum())
+    margin = CENTRE_MARGIN * reach(ends)
     rows: list[Array] = []
     floors: list[float] = []
     for i, end in enumerate(ends):
