@@ -15,7 +15,7 @@ from dynid.core import InputError
 from dynid.reduction import gram_layout, random_states, reduce_model
 from dynid.reduction.base import acting_joints, rank_and_classes, regrouping
 from dynid.regressor import FrictionTerms, Gear, InverseDynamicModel, LoadFriction, TorqueRipple
-from dynid.robot import RobotModel, from_xyz_rpy, load_robot, robot_from_chain
+from dynid.robot import RobotModel, from_xyz_rpy, load_robot, robot_from_chain, with_mount
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "robots"
 ORACLE = Path(__file__).parents[3] / "shared" / "oracles" / "base_params_check.py"
@@ -273,6 +273,30 @@ def test_columns_of_any_size_and_order_are_told_apart() -> None:
     assert (independent, dependent) == ((1, 2, 3), (0, 4, 5, 6))
     expected = np.array([[0, 1.0, 0, 0], [0, 1, 0, 0], [0, 0, 4, 0]])
     np.testing.assert_allclose(k, expected, rtol=1e-6, atol=1e-6)
+
+
+def test_a_geometry_that_creates_no_parameters_keeps_its_own_base() -> None:
+    right, shift = np.pi / 2, (0.3, 0.3, 0.0)
+    # Joint 3 leans by 0.4 degrees on purpose, which makes no parameter more.
+    rows = [
+        ("prismatic", shift, (right, np.pi, -right), (0, 0, 1.0)),
+        ("revolute", shift, (0.4, 0.4, -right), (0, 1.0, 0)),
+        ("prismatic", (0, 0, 0.3), (0, 0, 0.4), (-0.686756430104, -0.309840967612, 0.005234596171)),
+        ("revolute", shift, (right, 0.4, 0.4), (0, 0, 1.0)),
+        ("prismatic", (-0.2, -0.2, 0), (-right, right, np.pi), (0.712154, 0.896586, -0.317893)),
+    ]
+    axes = np.array([axis for *_, axis in rows])
+    robot = robot_from_chain(
+        placements=np.array([from_xyz_rpy(x, r) for _, x, r, _ in rows]),
+        axes=axes / np.linalg.norm(axes, axis=1, keepdims=True),
+        joint_types=[kind for kind, *_ in rows],
+    )
+    robot = with_mount(robot, "tilt:37")
+    for frames in robot.parameter_frames:
+        base = reduce(robot, frames)
+        matrix = base.model.observation_matrix(*random_states(robot, 100, seed=3))
+        seen = rank_and_classes(matrix[:, list(base.independent)]).rank
+        assert seen == base.rank == classify(observation(robot, frames)).rank
 
 
 def test_random_states_reach_every_joint_in_its_own_unit() -> None:

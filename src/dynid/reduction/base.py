@@ -257,7 +257,8 @@ def reduce_model(
 
     The structure is that of the nominal geometry and of structural gravity: rounding, factory
     calibration and a mounting tilted by less than a degree do not create parameters that no
-    motion can resolve; what was set straight stands in `warnings`. How the other parameters act
+    motion can resolve; what was set straight stands in `warnings`. Where its base columns depend
+    on each other in the real geometry, that one's structure is taken. How the other parameters act
     on the base columns is that of the real geometry.
 
     Args:
@@ -295,6 +296,13 @@ def reduce_model(
         )
     classes = rank_and_classes(w, tolerance)
     independent, dependent, k = regrouping(w, tolerance)
+    if warnings:
+        # Setting straight what is not can also create parameters: their columns depend on others.
+        own = np.vstack([model.observation_matrix(*some) for some in states])
+        if rank_and_classes(own[:, list(independent)], tolerance).rank < len(independent):
+            structural, warnings, w = model, (), own
+            classes = rank_and_classes(w, tolerance)
+            independent, dependent, k = regrouping(w, tolerance)
     warnings = (*warnings, *_weak_gap(classes), *_two_ranks(classes.rank, len(independent)))
     return BaseParametrization(
         model=model,
