@@ -234,7 +234,7 @@ def test_light_links_of_an_unpublished_arm_are_fitted_as_well_as_heavy_ones() ->
         ref = reference(replace(rec, tau=lighter * rec.tau), prior)
         _, values = fits(ref)
         left.append(np.square(ref.left(values)).mean(axis=1) / lighter**2)
-    np.testing.assert_allclose(left[1], left[0], rtol=0.3)
+    np.testing.assert_allclose(left[1], left[0], rtol=1e-3)
 
 
 @pytest.mark.parametrize("fault", [pytest.param(None, marks=pytest.mark.long), "joint_delay"])

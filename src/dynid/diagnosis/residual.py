@@ -422,9 +422,10 @@ def settled(ref: Reference, found: Fits, sweeps: int) -> tuple[Fits, Array]:
     sums = found.sums.sum(axis=0)
     for _ in range(sweeps):
         total: Array = np.asarray(np.tensordot(found.weights, sums, axes=1), np.float64)
-        covariance = solution(total[:p, :p] + found.precision, np.eye(p))
         right = np.asarray(total[:p, -1] + found.precision @ found.mean, dtype=np.float64)
-        values = covariance @ right
+        # The inverse times `right` loses what the torques of a light arm tell.
+        both = solution(total[:p, :p] + found.precision, np.column_stack([np.eye(p), right]))
+        covariance, values = both[:, :-1], both[:, -1]
         error = ref.left(values)
         length = correlation_length(error, ref.period)
         variance = np.maximum(np.square(error).sum(axis=1) / found.rows, least)
