@@ -41,7 +41,7 @@ class Link:
 class Broken:
     """A conversation that fails as no error of ours is meant to."""
 
-    def answer(self, numbers: Any) -> bytes:
+    def answer(self, numbers: Any) -> bytes | None:
         raise ZeroDivisionError("a bug")
 
     def begun(self, cycle: Any, numbers: Any) -> bool:
@@ -67,6 +67,12 @@ class Waiting(Begun):
         return False
 
 
+def watched(link: Any, layout: Layout, conversation: Broken) -> Pump:
+    watchdog = Watchdog(LIMITS, 125.0, EXECUTION.total)
+    cancel = threading.Event()
+    return Pump(link, layout, watchdog, conversation, halt=lambda: None, cancel=cancel)
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
@@ -84,14 +90,7 @@ def test_what_keeps_a_program_from_its_start_is_told_at_once(
     still = Cycle(timestamp=0.0, index=-1, q=ZERO, qd=ZERO, target_q=ZERO, runtime_state=1)
     cycles = iter([still, replace(still, **changes)])
     monkeypatch.setattr(type(layout), "cycle", lambda *_: next(cycles))
-    pump = Pump(
-        link,
-        layout,
-        Watchdog(LIMITS, 125.0, EXECUTION.total),
-        Waiting(),
-        halt=lambda: None,
-        cancel=threading.Event(),
-    )
+    pump = watched(link, layout, Waiting())
     pump.run()
     assert pump.fault is None
     assert pump.abort is not None
@@ -109,14 +108,7 @@ def test_a_program_that_starved_is_told_with_the_pause_of_the_network(
     playing = Cycle(timestamp=0.0, index=-1, q=ZERO, qd=ZERO, target_q=ZERO)
     cycles = iter([playing, playing, replace(playing, runtime_state=1)])
     monkeypatch.setattr(type(layout), "cycle", lambda *_: next(cycles))
-    pump = Pump(
-        link,
-        layout,
-        Watchdog(LIMITS, 125.0, EXECUTION.total),
-        Begun(),
-        halt=lambda: None,
-        cancel=threading.Event(),
-    )
+    pump = watched(link, layout, Begun())
     pump.run()
     assert pump.abort is not None
     assert "(no package came for 0.3 s; the arm hums)" in pump.abort.message

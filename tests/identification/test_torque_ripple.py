@@ -111,7 +111,7 @@ def test_it_predicts_another_motion(found: Identification) -> None:
     assert (found.validation.metrics.rmse < 1.3 * QUIET * NOISE).all()
 
 
-def test_teeth_of_a_motor_are_seen_beside_each_other() -> None:
+def test_two_waves_of_one_motor_are_found() -> None:
     """Means over 4 ms leave little of them: their size was -2 +- 2.3 and 6 +- 2 on a TX40."""
     plain = recording(0, rate=2000.0, noise=QUIET, width=0.02)
     effort, q = plain.signals["effort"].copy(), plain.signals["q"][:, 0]

@@ -63,7 +63,7 @@ from dynid.identification.physical import standard_posterior as standard_posteri
 from dynid.identification.problem import IdentificationProblem as IdentificationProblem
 from dynid.identification.problem import motion_state as motion_state
 from dynid.identification.problem import recorded_rows as recorded_rows
-from dynid.identification.ripple import at_its_waves as at_its_waves
+from dynid.identification.ripple import resolve_ripple as resolve_ripple
 from dynid.identification.ripple import wave_power as wave_power
 from dynid.identification.ripple import with_ripple as with_ripple
 from dynid.identification.selection.columns import with_load as with_load

@@ -16,7 +16,7 @@ from dynid.signals import NYQUIST_SHARE, Samples
 
 FEWEST_WAVES, MOST_WAVES = 40.0, 5000.0
 """Slower waves look like gravity and friction: gears of arms turn their motors 30 to 160 times, and
-motors have up to 48 teeth and coils a turn."""
+motors cog some 50 times a turn."""
 GAIN = 0.01
 """A gear must lower the logarithm of a joint's held-out RMS by this much."""
 FAMILIES = ((1.0,), (0.5, 1.0), (1.0, 2.0), (0.5, 1.0, 2.0))
@@ -216,8 +216,8 @@ def with_ripple(
     return replace(model, friction=replace(model.friction, ripples=ripples))
 
 
-def at_its_waves(model: InverseDynamicModel, samples: Samples) -> Samples:
-    """Samples whose means over blocks leave of each wave of a model's ripple what it is."""
+def resolve_ripple(model: InverseDynamicModel, samples: Samples) -> Samples:
+    """Samples with blocks so short that their means keep the waves of a model's ripple."""
     gears = [gear for ripple in model.friction.ripples for gear in ripple.gears]
     fastest = max((max(gear.waves) * gear.speed / (2 * np.pi) for gear in gears), default=0.0)
     if fastest == 0.0:

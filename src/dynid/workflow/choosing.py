@@ -233,7 +233,7 @@ def prepare(
         dropped = ", ".join(name for name in chosen if name not in model.names)
         words += (f"without {dropped}, negative in the fit",) if dropped else ()
         model = identification.with_ripple(model, samples, estimator)
-        samples = identification.at_its_waves(model, samples)
+        samples = identification.resolve_ripple(model, samples)
     return Prepared(
         model=model,
         samples=samples,
