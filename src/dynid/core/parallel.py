@@ -1,7 +1,7 @@
 """Where the tasks of a long job run: here, in processes beside this one, or on a Dask cluster.
 
 `workers` opens what `--jobs` and `--dask` ask for, `each` runs one task for every item. A worker
-that dies costs time, not results: its tasks run again, here if nobody else is left.
+that ends early costs time, not results: its tasks run again, here if nobody else is left.
 """
 
 import ctypes
@@ -68,7 +68,7 @@ class Workers:
     def submit(self, task: Callable[..., Result], *words: Any) -> futures.Future[Result] | None:
         """Hand a task, which other processes can import, to the workers; None if there are none."""
         while self.executor is not None:
-            # A process that is being born inherits the mask: Ctrl-C is for the caller alone.
+            # A process that is being started inherits the mask: Ctrl-C is for the caller alone.
             mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
             try:
                 return self.executor.submit(_run, task, *words)

@@ -1,4 +1,4 @@
-"""One door to both optimisers: a problem in, a certified motion out, with what it is worth."""
+"""One interface to both optimisers: a problem in, a certified motion out, with what it is worth."""
 
 import math
 from abc import ABC, abstractmethod

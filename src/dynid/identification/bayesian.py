@@ -299,8 +299,8 @@ class BayesianRegression(least_squares.Estimator):
         plain = least_squares.WeightedLeastSquares(prior_gain=1.0).fit(problem)
         completed = inertial_prior(model.robot, model.frames).completed
         relative = COMPLETED if completed else RELATIVE
-        honest = np.diag(hac_covariance(plain, problem)) / np.diag(naive_covariance(plain))
-        inflation = float(np.median(honest))
+        ratios = np.diag(hac_covariance(plain, problem)) / np.diag(naive_covariance(plain))
+        inflation = float(np.median(ratios))
         factors = joint_factors(problem)
         tempered = plain.weights / np.sqrt(max(inflation, 1.0))
         known = published_prior(problem.base)

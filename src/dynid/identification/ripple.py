@@ -23,11 +23,11 @@ FAMILIES = ((1.0,), (0.5, 1.0), (1.0, 2.0), (0.5, 1.0, 2.0))
 """Waves over the strongest: once a turn of the motor, twice, four times."""
 POWERS = (1, 2, 3, 4, 5)
 """Numbers of powers of the speed that are tried."""
-CLEAR = 30.0
+CLEAR_PEAK = 30.0
 """Power of a wave over the median beside it from which it is a gear's: noise and stiction, the
 strongest of a thousand waves, reach 10 to 20; gears of a Franka 40 to 260."""
-WHISPER = 10.0
-"""The same for a joint whose size of gear another joint has shown clearly."""
+WEAK_PEAK = 10.0
+"""The same for a joint with the wave of another joint's clear peak: a gear of the same size."""
 NEIGHBOURS = 0.25
 """How far beside a wave, as a share of it, others are its neighbours."""
 FEWEST_NEIGHBOURS = 8
@@ -49,32 +49,32 @@ RIDGE = 1e-3
 def find_gears(
     q: Array, dq: Array, residual: Array, rate_hz: float, prismatic: Sequence[bool]
 ) -> list[Gear]:
-    """The gears that a residual speaks of; see `find_ripples`."""
-    heard = {
+    """The gears whose waves a residual contains; see `find_ripples`."""
+    peaks = {
         j: peak
         for j in range(len(q))
         if not prismatic[j] and (peak := _peak(q[j], dq[j], residual[j], rate_hz)) is not None
     }
     gears: list[Gear] = []
-    for group in alike({j: wave for j, (wave, _) in heard.items()}):
-        loudness = [heard[j][1] for j in group]
-        # One joint that speaks clearly vouches for others of its size that whisper.
-        if max(loudness) < CLEAR:
+    for group in alike({j: wave for j, (wave, _) in peaks.items()}):
+        powers = [peaks[j][1] for j in group]
+        # Beside a clear peak, weaker ones of the same wave are gears of the same size.
+        if max(powers) < CLEAR_PEAK:
             continue
-        group = [j for j, loud in zip(group, loudness, strict=True) if loud > WHISPER]
+        group = [j for j, power in zip(group, powers, strict=True) if power > WEAK_PEAK]
         wave = _common_wave(
-            {j: (q[j], dq[j], residual[j]) for j in group}, [heard[j][0] for j in group]
+            {j: (q[j], dq[j], residual[j]) for j in group}, [peaks[j][0] for j in group]
         )
         shaped = (_gear(j, q[j], dq[j], residual[j], rate_hz, wave) for j in group)
         gears += [gear for gear in shaped if gear is not None]
     return gears
 
 
-def alike(peaks: Mapping[int, float]) -> list[list[int]]:
+def alike(waves: Mapping[int, float]) -> list[list[int]]:
     """Joints whose waves are the same within `ALIKE`: gears of one size."""
     groups: list[list[int]] = []
-    for joint, peak in sorted(peaks.items(), key=lambda item: item[1]):
-        if groups and peak < peaks[groups[-1][-1]] * ALIKE:
+    for joint, wave in sorted(waves.items(), key=lambda item: item[1]):
+        if groups and wave < waves[groups[-1][-1]] * ALIKE:
             groups[-1].append(joint)
         else:
             groups.append([joint])
@@ -191,7 +191,7 @@ ONE_PART = STRETCHES // FOLDS
 def with_ripple(
     model: InverseDynamicModel, samples: Samples, estimator: Estimator
 ) -> InverseDynamicModel:
-    """The model with the torque ripple that samples show, where leaving blocks out bears it out.
+    """The model with the torque ripple that lowers errors on blocks of samples left out.
 
     The model has none yet; it is fitted to the samples by the estimator.
     """

@@ -263,7 +263,7 @@ def sandwich(fit: Fit, bread: Array, long_run: Array, rows: int, lag: int, floor
     if fit.prior_precision is not None:
         covariance += bread @ fit.prior_precision @ bread
     # Sums over few independent stretches fall short: never below the parametric answers.
-    # Of what no torque shows only the prior speaks: no scores, no sums to raise.
+    # What no torque depends on has the variance of the prior: no scores, no sums to raise.
     unseen = np.diag(covariance) <= UNSEEN * floor
     covariance[unseen, :] = covariance[:, unseen] = 0.0
     covariance[unseen, unseen] = floor[unseen]
@@ -321,7 +321,7 @@ _LARGEST_RATIO = 30.0
 
 
 def essential_parameters(fit: Fit) -> tuple[int, ...]:
-    """Indices of the base parameters that the data really speak about (Pham and Gautier 1991).
+    """Indices of the base parameters that the data determine (Pham and Gautier 1991).
 
     Drops the parameter with the largest relative standard deviation and fits again until the
     largest is at most 30 times the smallest and below 100 %.

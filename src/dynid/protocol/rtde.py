@@ -229,7 +229,7 @@ def read_setup_answer(
 
 
 def text_message(message: TextMessage, protocol: int, *, from_client: bool = False) -> bytes:
-    """A text message; texts are cut at 255 bytes. Clients always speak the form of protocol 2."""
+    """A text message; texts are cut at 255 bytes. Clients always use the form of protocol 2."""
     words, source = message.message.encode()[:255], message.source.encode()[:255]
     if protocol == 1 and not from_client:
         return frame(Kind.TEXT_MESSAGE, bytes((message.level,)) + words)

@@ -196,7 +196,7 @@ def _bodies_of(arm: str) -> list[TomlTable]:
 
 
 def _read_collision(rows: list[TomlTable], robot: RobotModel) -> dict[str, Any]:
-    """A note on the bodies; what release 0.1 took on trust is read and counts no more."""
+    """A note on the bodies; what release 0.1 did not check is read and ignored."""
     (table,) = rows
     notes = (*robot.body_notes, *((table.text("note"),) if "note" in table else ()))
     told = ["'apart' and 'overlap' of the table 'collision' count no more: bodies are judged"]

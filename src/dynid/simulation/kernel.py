@@ -287,8 +287,8 @@ class Tracker:
         """Delay set points from now on by another lookahead."""
         self._rate = servo.filter_rate(self._cycle)
 
-    def believe(self, mass: float, com: Array, gravity: Array) -> None:
-        """Count on a payload and a mounting in the controller's own model.
+    def set_payload(self, mass: float, com: Array, gravity: Array) -> None:
+        """Set the payload and the mounting of the controller's own model.
 
         The mass [kg] has its centre (3) in the last joint frame [m]; gravity (3) is in the base
         frame [m/s^2].

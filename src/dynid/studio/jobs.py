@@ -172,7 +172,7 @@ class Supervisor:
             self._change(**message)
         code = self._process.wait()
         for end in (self._process.stdin, stream):
-            # There may be a line that it no longer wanted to hear.
+            # There may be a line that it did not read.
             with suppress(BrokenPipeError):
                 if end is not None:
                     end.close()
@@ -244,17 +244,17 @@ class ParentTalk:
 
     Args:
         out: Where messages go.
-        heard: Where messages come from, the job's line already read.
+        source: Where messages come from, the job's line already read.
     """
 
-    def __init__(self, out: TextIO, heard: TextIO) -> None:
-        self._out, self._heard = out, heard
+    def __init__(self, out: TextIO, source: TextIO) -> None:
+        self._out, self._source = out, source
         self._lock = threading.Lock()
         self._answers: queue.Queue[str | None] = queue.Queue()
         self._told = 0.0
 
     def listen(self) -> None:
-        """Hear answers and stops from now on, in a thread of its own."""
+        """Read answers and stops from now on, in a thread of its own."""
         threading.Thread(target=self._listen, daemon=True).start()
 
     def say(self, message: dict[str, Any]) -> None:
@@ -288,7 +288,7 @@ class ParentTalk:
     def _listen(self) -> None:
         # What cannot be understood, as of a page that died, may have been a stop.
         with suppress(ValueError):
-            for text in self._heard:
+            for text in self._source:
                 message = json.loads(text)
                 if "answer" not in message:
                     break

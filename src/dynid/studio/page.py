@@ -289,7 +289,7 @@ class Page:
     def _judge(self, asked: JsonFields) -> dict[str, Any]:
         """Limits and nearest bodies at a time of the motion, or at a pose that the page shows.
 
-        Nothing for the robot of a page that has not heard of another one yet.
+        Nothing for the robot of a page that does not show another one yet.
         """
         session = self.session
         if asked.get("opened") not in (None, self._opening):

@@ -336,7 +336,7 @@ def _mount(facts: dict[str, Any]) -> str | None:
 def judge_of(design: StoredDesign, asked: SceneSettings) -> tuple[DesignLimits, MotionConstraints]:
     """What a design is held to, and the judge of it.
 
-    Limits that were edited in the file, or that no digest vouches for, hold where they are stricter
+    Limits that were edited in the file, or that no digest confirms, hold where they are stricter
     than the usual ones. Without the scene of the certificate, or one that is asked for, the
     environment is unjudged; also where the file of the scene's name says something else by now.
 

@@ -113,8 +113,8 @@ def given_limits(asked: SceneSettings, base: DesignLimits | None = None) -> Desi
         around["--clearance"] = asked.clearance
         if preset == "paper":
             _refuse_given({"--margin": asked.margin_percent}, "--limits safe")
-    blind = preset == "paper" or not collision
-    if blind:
+    unchecked = preset == "paper" or not collision
+    if unchecked:
         _refuse_given(around, "--limits safe and collisions on")
     known = {item.name for item in fields(DesignLimits)} - {"scene"}
     given: dict[str, Any] = {
@@ -125,7 +125,7 @@ def given_limits(asked: SceneSettings, base: DesignLimits | None = None) -> Desi
     if asked.scene is not None:
         file = Path(asked.scene).resolve()
         given |= {"scene": load_object(asked.scene).values, "scene_file": str(file)}
-    elif blind:
+    elif unchecked:
         given |= {"scene": None, "scene_file": ""}
     return replace(base or DesignLimits(), **given | {"preset": preset, "collision": collision})
 

@@ -229,12 +229,12 @@ class Core:
         """Back to the servo's own lookahead and gain."""
         self.tune(self.arm.servo.lookahead, self.arm.servo.gain)
 
-    def believe(self) -> None:
+    def tell_payload(self) -> None:
         """Tell the controller's model of the payload and the mounting."""
         payload, flange = self.payload, self.arm.plant.arm.robot.flange
         cog = flange[:3, :3] @ np.array(payload.cog) + flange[:3, 3]
         gravity = -np.array(self.gravity)
-        self.arm.plant.tracker.believe(payload.mass, cog, gravity)
+        self.arm.plant.tracker.set_payload(payload.mass, cog, gravity)
 
     def lacks(self, what: str) -> None:
         """Say, once a program, that something is not simulated."""

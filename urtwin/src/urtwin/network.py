@@ -85,7 +85,7 @@ class Link:
         return found
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self.open = self.opening = False
         self._socket.close()
 
@@ -140,7 +140,7 @@ class Network:
         return link
 
     def close(self, name: str) -> bool:
-        """Hang up; whether there was such a socket."""
+        """Close it; whether there was such a socket."""
         link = self._links.pop(name, None)
         if link is not None:
             link.close()

@@ -26,7 +26,7 @@ class Disconnected(JobError):
 
 
 class RtdeLink:
-    """Speaks RTDE, protocol 2, with one controller.
+    """A connection to one controller by RTDE, protocol 2.
 
     Raises:
         JobError: Nobody answers there, or not in RTDE.
@@ -131,7 +131,7 @@ class RtdeLink:
             self.socket.sendall(package)
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self.socket.close()
 
     def _ask(self, kind: Kind, request: bytes) -> bytes:
@@ -216,7 +216,7 @@ STOP_PROGRAM = f"def dynid_stop():\n  stopj({STOP_DECELERATION})\nend\n"
 _LINE = 4096
 """Longest answer of a dashboard [bytes]."""
 _PARTING_S = 0.3
-"""How long the other side may take to hang up [s]."""
+"""How long the other side may take to close [s]."""
 
 
 class ScriptPort:
@@ -251,7 +251,7 @@ class ScriptPort:
             self._drain()
 
     def close(self) -> None:
-        """Hang up and wait a little for the other side: unread states take a program back."""
+        """Close and wait a little for the other side: unread states take a program back."""
         with self._lock:
             with suppress(OSError):
                 self._socket.shutdown(socket.SHUT_WR)
@@ -297,7 +297,7 @@ class Dashboard:
         return self._read()
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self._socket.close()
 
     def _read(self) -> str:

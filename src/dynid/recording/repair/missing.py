@@ -28,7 +28,7 @@ def drop_missing(table: RawTable) -> RawTable:
         t: Array = np.where(np.abs(table.stamps) < 1e20, table.stamps, np.nan)
     table = replace(table, signals=signals, t=t)
     rows = table.samples
-    alive = rows_with(np.isfinite(signals["q"])) & np.isfinite(t)
+    known = rows_with(np.isfinite(signals["q"])) & np.isfinite(t)
     if np.isnan(t).mean() > _MOST_LOST:
         raise UnclearRecordError(
             "the time column has no numbers on most rows",
@@ -36,16 +36,16 @@ def drop_missing(table: RawTable) -> RawTable:
             next_step=by_rows(table.columns),
         )
     lost = np.isnan(signals["q"]).mean(axis=0)
-    lost_alive = np.isnan(signals["q"][alive]).mean(axis=0) if alive.any() else np.ones(1)
+    lost_known = np.isnan(signals["q"][known]).mean(axis=0) if known.any() else np.ones(1)
     joint = int(np.argmax(lost))
-    if max(lost[joint], lost_alive.max()) > _MOST_LOST:
+    if max(lost[joint], lost_known.max()) > _MOST_LOST:
         raise RecordError(
             f"{table.label('q', joint)} has no numbers on most rows",
             value=f"{round(100 * float(lost[joint]))} % missing",
         )
     for quantity in [name for name in signals if name != "q"]:
-        table = _judge(table, quantity, alive)
-    table = _without_silence(table)
+        table = _judge(table, quantity, known)
+    table = _without_zeros(table)
     if not any(name in table.signals for name in TORQUE_SOURCES):
         hints = [notice.text for notice in table.notices if notice.kind == "dead_channel"]
         if table.channels:
@@ -84,28 +84,28 @@ def _with_torques(table: RawTable) -> str:
     return f"{time}{spelled(kept)},effort=FIRST:END (from 0, END excluded)"
 
 
-def _without_silence(table: RawTable) -> RawTable:
+def _without_zeros(table: RawTable) -> RawTable:
     """Without a source of torque that is zero everywhere, where another is not.
 
     Drivers fill fields that their robot does not measure with zeros.
     """
-    loud = {
+    nonzero = {
         name: bool(np.nan_to_num(table.signals[name]).any())
         for name in TORQUE_SOURCES
         if name in table.signals
     }
-    if all(loud.values()) or not any(loud.values()):
+    if all(nonzero.values()) or not any(nonzero.values()):
         return table
-    silent = next(name for name, there in loud.items() if not there)
-    return table.without(silent).report(
-        "dead_channel", f"{silent} is 0 on every row of every joint; it is left out"
+    zero = next(name for name, found in nonzero.items() if not found)
+    return table.without(zero).report(
+        "dead_channel", f"{zero} is 0 on every row of every joint; it is left out"
     )
 
 
-def _judge(table: RawTable, quantity: str, alive: Mask) -> RawTable:
+def _judge(table: RawTable, quantity: str, known: Mask) -> RawTable:
     """Keep a quantity, or leave it out where keeping it would cost too many rows."""
     value = table.signals[quantity]
-    lost = np.isnan(value[alive]).any(axis=1)
+    lost = np.isnan(value[known]).any(axis=1)
     share = float(lost.mean())
     if share == 0:
         return table
@@ -123,12 +123,12 @@ def _judge(table: RawTable, quantity: str, alive: Mask) -> RawTable:
         )
     others = [name for name in TORQUE_SOURCES if name in table.signals and name != quantity]
     spare = quantity in TORQUE_SOURCES and any(
-        np.isfinite(table.signals[name][alive]).all() for name in others
+        np.isfinite(table.signals[name][known]).all() for name in others
     )
     limit = _MOST_LOST if quantity in ESSENTIAL else 0.01
     if share <= (0.1 if quantity == "qd" or spare else limit):
         return table
-    joint = int(np.argmax(np.isnan(value[alive]).mean(axis=0)))
+    joint = int(np.argmax(np.isnan(value[known]).mean(axis=0)))
     return table.without(quantity).report(
         "dead_channel" if quantity in TORQUE_SOURCES else "corrupt_rows",
         f"{table.label(quantity, joint)} has no usable number on {round(100 * share)} % of the "
@@ -192,9 +192,9 @@ def _drop_placeholders(table: RawTable) -> RawTable:
         bad = np.any([_placeholders(column) for column in value.T], axis=0)
         if quantity in TORQUE_SOURCES and table.joints > 1:
             # A controller that waits for its sensors writes zeros for all of them.
-            silent: Mask = (value == 0).all(axis=1)
-            if any(length >= _PLACEHOLDER_ROWS for _, length in _runs(silent)):
-                bad |= silent
+            zeros: Mask = (value == 0).all(axis=1)
+            if any(length >= _PLACEHOLDER_ROWS for _, length in _runs(zeros)):
+                bad |= zeros
         if bad.any() and bad.mean() <= _MOST:
             row = int(np.argmax(bad))
             joint = int(np.argmax(np.abs(value[row] - np.median(value, axis=0))))

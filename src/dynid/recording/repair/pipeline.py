@@ -1,4 +1,4 @@
-"""From a raw table to a recording: every repair in its place, none of them silent.
+"""From a raw table to a recording: every repair in its place and reported.
 
 Inputs are checked before algebra: constant channels, absurd scales, one run given twice.
 """

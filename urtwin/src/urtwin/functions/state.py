@@ -100,7 +100,7 @@ def _set_payload(core: Core, m: Value, cog: Value = None, inertia: Value = None)
     center = core.tcp[:3] if cog is None else numbers(cog, 3, "a centre of gravity")
     moments = [0.0] * 6 if inertia is None else numbers(inertia, 6, "inertias")
     core.payload = ToolPayload(mass, list(center), moments)
-    core.believe()
+    core.tell_payload()
 
 
 def _set_target_payload(
@@ -111,7 +111,7 @@ def _set_target_payload(
 
 def _set_gravity(core: Core, d: Value) -> None:
     core.gravity = numbers(d, 3, "gravity")
-    core.believe()
+    core.tell_payload()
 
 
 def _set_tcp(core: Core, pose: Value, tcp_name: Value = "") -> None:

@@ -179,7 +179,7 @@ class RtdeClient(Client):
 
 
 class LineClient(Client):
-    """A client that speaks in lines."""
+    """A client whose protocol is lines of text."""
 
     def in_words(self, words: str) -> bytes:
         """A line."""

@@ -210,7 +210,7 @@ class Connection:
             self._broken(error)
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self.socket.close()
 
     def _broken(self, error: OSError) -> None:

@@ -260,7 +260,7 @@ class ControllerServer:
                 client.connection.lost = client.connection.lost or words
 
     def close(self) -> None:
-        """Hang up on everybody and free the ports."""
+        """Close all connections and free the ports."""
         for client in list(self._clients.values()):
             self._close(client)
         for listener in self._listeners.values():
