@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dynid.validation import Metrics, errors_by_kind, metrics
+from dynid.validation import Metrics, deciding_errors, errors_by_kind, metrics
 
 FORMULA = 1e-12
 KEYS = [
@@ -154,3 +154,24 @@ def test_numbers_are_plain_for_json() -> None:
     assert isinstance(data["samples"], int)
     assert all(type(x) is float for key in KEYS[2:5] for x in data[key])
     assert isinstance(metrics(*_torques(7)), Metrics)
+
+
+def test_a_model_error_that_noise_hides_is_bounded() -> None:
+    """Noise as large as the torque, and a slow error of 10 % of it: never told to be 0."""
+    t = np.linspace(0.0, 10.0, 1250)
+    torque = 100 * np.sin(np.outer(t, [1.0, 1.7]))
+    slow = 10 * np.cos(np.outer(t, [1.3, 0.9]))
+    true = 100 * float(np.linalg.norm(slow) / np.linalg.norm(torque))
+    moves = np.ones(torque.shape, dtype=bool)
+    held = 0
+    for seed in range(40):
+        random = np.random.default_rng(seed)
+        measured = torque + slow + 70 * random.normal(size=torque.shape)
+        found = deciding_errors(measured, torque, moves, [False, False])
+        told = math.sqrt(max(found.moving**2 - found.noise**2, 0.0))
+        held += true < math.hypot(told, found.resolution)
+        # 1.645 standard deviations of a mean of 2500 products of two errors.
+        assert found.resolution == pytest.approx(
+            found.noise * math.sqrt(1.645 / math.sqrt(2500)), rel=0.1
+        )
+    assert held >= 36

@@ -174,7 +174,7 @@ def test_the_share_within_the_intervals_is_told_joint_by_joint() -> None:
     each = np.ones(6)
     interval = TorqueInterval(
         root=np.zeros((len(estimate().values), 1)), sigma=each, scale=each, slowest=1e-3 * each,
-        quantiles=np.ones((2, 6, 6)),
+        quantiles=np.ones((2, 6, 6)), averaged=0 * each,
     )  # fmt: skip
     judged = Assessment(
         anywhere=each, this_motion=each, noise_floor=each, torque=each, models=(), pays=None,

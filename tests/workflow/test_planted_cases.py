@@ -134,7 +134,7 @@ def test_a_heavy_slide_does_not_hide_the_joints_that_it_carries() -> None:
         torque=torque, models={}, pays=None,
         interval=TorqueInterval(
             root=np.zeros((len(result.estimate.values), 1)), sigma=torque, scale=torque,
-            slowest=1e-3 * torque, quantiles=np.ones((2, len(torque), 6)),
+            slowest=1e-3 * torque, quantiles=np.ones((2, len(torque), 6)), averaged=0 * torque,
         ),
     )  # fmt: skip
     assert left_out.expected_error_percent < 2.0
@@ -143,3 +143,27 @@ def test_a_heavy_slide_does_not_hide_the_joints_that_it_carries() -> None:
         told = replace(left_out, anywhere=anywhere)
         known = replace(alone, estimate=replace(alone.estimate, assessment=told))
         assert dynid.verdict(known).prediction.answer == answer
+
+
+@pytest.mark.parametrize("rate_hz", [125.0, 500.0])
+def test_intervals_hold_single_samples_of_a_motion_that_was_averaged(rate_hz: float) -> None:
+    """Periods and blocks are averaged: their means have a half to a quarter of the noise."""
+    case = Case(arm="sliding", motion="fourier", rate_hz=rate_hz, duration_s=30.0, seed=5)
+    made = bench_recorded(case)
+    noise = np.random.default_rng(1)
+    size = 0.3 * made.record.signals["effort"].std(axis=0)
+
+    def noisy(record: Record) -> Record:
+        effort = record.signals["effort"]
+        added = size * noise.normal(size=effort.shape)
+        return replace(record, signals={**record.signals, "effort": effort + added})
+
+    result = dynid.identify(
+        [noisy(made.record)],
+        made.robot,
+        dynid.IdentifySettings(),
+        validation=noisy(made.validation),
+    )
+    assert result.validation is not None
+    assert result.validation.covered is not None
+    assert 0.86 < result.validation.covered.min() <= result.validation.covered.max() < 0.97

@@ -93,6 +93,7 @@ def judge(
     *,
     expected_percent: float | None,
     noise_percent: float,
+    resolution_percent: float = 0.0,
     confirmed: bool,
     uncertain_share: float,
     pays: bool | None = None,
@@ -106,6 +107,7 @@ def judge(
         expected_percent: Error on another motion, of moving joints, or on left-out data; None
             where nothing was left out and nothing else was predicted.
         noise_percent: What of it is noise, so that no model can predict it.
+        resolution_percent: Error of the model that is not told from this noise.
         confirmed: The error is that of another recording.
         uncertain_share: Share of parameters whose deviation exceeds half of their value.
         pays: Identified inertias predict better than published ones; None where none are.
@@ -118,7 +120,8 @@ def judge(
     poor = [f for f in errors if f.code not in FAULTS]
     impossible = [f for f in findings if f.code == "not_physical"]
     errors_percent = (expected_percent, whole_percent)
-    prediction = _prediction(errors_percent, noise_percent, confirmed, wrong, faults, poor)
+    noises = (noise_percent, resolution_percent)
+    prediction = _prediction(errors_percent, noises, confirmed, wrong, faults, poor)
     return Verdict(
         prediction=prediction,
         parameters=_parameters([*wrong, *faults], poor, impossible, uncertain_share, pays),
@@ -133,26 +136,28 @@ def with_rests(moving: str, whole: str) -> str:
 
 def _prediction(
     errors: tuple[float | None, float | None],
-    noise: float,
+    noises: tuple[float, float],
     confirmed: bool,
     wrong: list[Finding],
     faults: list[Finding],
     poor: list[Finding],
 ) -> Answer:
-    expected, whole = errors
+    (expected, whole), (noise, hidden) = errors, noises
     if wrong:
         return Answer(answer="no", reason=wrong[0].text, value=wrong[0].value, unit=wrong[0].unit)
     if expected is None or not np.isfinite(expected):
         answer = "no" if poor else "limits"
         reason = poor[0].text if poor else "no other motion has confirmed it yet (--validate)"
         return Answer(answer=answer, reason=reason)
-    beyond = float(np.sqrt(max(expected**2 - noise**2, 0.0)))
+    told = float(np.sqrt(max(expected**2 - noise**2, 0.0)))
+    beyond = max(told, hidden)
     others = "such motions" if poor else "other motions no faster than this one"
     what = "another motion's torques" if confirmed else f"torques of {others}"
     says = "predicts" if confirmed else "is expected to predict"
     known = min(noise, expected)
     shown = with_rests(f"{expected:.1f} %", f"{expected if whole is None else whole:.1f} %")
-    parts = f"noise of {known:.1f} % and a model error of {beyond:.1f} % (their squares add)"
+    of = f"of {beyond:.1f} % (their squares add)" if told >= hidden else f"below {beyond:.1f} %"
+    parts = f"noise of {known:.1f} % and a model error {of}"
     text = f"it {says} {what} to {shown}, from {parts}"
     if beyond > USELESS_PREDICTION or (poor and beyond > GOOD_PREDICTION):
         reason = f"{text}; {poor[0].text}" if poor else text

@@ -97,6 +97,8 @@ class Samples(Value):
     """Cut-off that was used [Hz]."""
     noise: Array | None = None
     """(n) torque noise from the scatter between periods [N.m], if there were periods."""
+    periods: float = 1.0
+    """Periods of which torques are means."""
     torque_filter: TorqueFilter | None = None
     """The low-pass that the recorded torque has passed."""
     late_s: Array | None = None
@@ -146,6 +148,7 @@ def joined(parts: Sequence[Samples]) -> Samples:
         **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names},
         block=max(part.block for part in parts),
         noise=None,
+        periods=float(np.mean([part.periods for part in parts])),
     )
 
 
@@ -279,6 +282,7 @@ def samples_from(
         rate_hz=rate,
         cutoff_hz=cutoff,
         noise=signals.noise,
+        periods=signals.periods,
         torque_filter=settings.torque_filter,
     )
 

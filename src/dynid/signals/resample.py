@@ -34,6 +34,8 @@ class UniformSignals:
     """(N) 1.0 where the grid lies between recorded neighbours, 0.0 inside gaps."""
     noise: Array | None = None
     """(n) torque noise known from repetitions [N.m or N]."""
+    periods: float = 1.0
+    """Repetitions of which torques are means."""
 
 
 def window(t: Array, start_s: float | None, stop_s: float | None) -> slice:
@@ -247,6 +249,7 @@ def fold_periods(signals: UniformSignals, period_s: float) -> UniformSignals:
         torque=torque,
         valid=np.where(total[:, 0] > 0, 1.0, 0.0),
         noise=noise,
+        periods=max(1.0, float(many.mean())),
     )
 
 

@@ -86,6 +86,10 @@ def errors_by_kind(
     return found
 
 
+ONE_SIDED = 1.645
+"""Standard deviations below which 95 % of a normal error lies."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DecidingErrors:
     """Errors that decide whether a model predicts, as shares of the torque [%]."""
@@ -96,6 +100,8 @@ class DecidingErrors:
     """Of all samples."""
     noise: float
     """What of `moving` no model predicts."""
+    resolution: float
+    """Errors of the model up to this are not told from such noise (with 95 % confidence)."""
 
 
 def deciding_errors(
@@ -104,19 +110,23 @@ def deciding_errors(
     """Errors of all joints; of an arm with both kinds, of the kind that errs more beyond noise.
 
     Torques (N, n) [N.m or N]. The noise comes from differences of the error from sample to sample,
-    so that a slow error is none.
+    so that a slow error is none. What the noise leaves of the mean square error is the mean product
+    of neighbouring errors: its deviation, of white noise, bounds what noise hides.
     """
     found: list[DecidingErrors] = []
     kinds = joints_by_kind(prismatic)
     for kind, (whole, moving) in errors_by_kind(measured, predicted, moves, prismatic).items():
         counted = moves[1:] & kinds[kind]
-        steps = np.square(np.diff(measured - predicted, axis=0))[counted].sum()
+        error = measured - predicted
+        steps = np.square(np.diff(error, axis=0))[counted].sum()
+        products = np.linalg.norm((error[1:] * error[:-1])[counted])
         torque = np.square(measured[1:])[counted].sum()
         found.append(
             DecidingErrors(
                 moving=moving.relative_error_overall_percent,
                 whole=whole.relative_error_overall_percent,
                 noise=float(100 * np.sqrt(steps / 2 / torque)) if torque > 0 else 0.0,
+                resolution=float(100 * np.sqrt(ONE_SIDED * products / torque)) if torque > 0 else 0,
             )
         )
     return max(found, key=lambda one: np.nan_to_num(one.moving**2 - one.noise**2, nan=-np.inf))

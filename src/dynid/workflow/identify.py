@@ -370,6 +370,7 @@ def verdict(result: Identification) -> Verdict:
         result.warnings,
         expected_percent=expected,
         noise_percent=noise,
+        resolution_percent=errors.resolution,
         confirmed=confirmed,
         uncertain_share=uncertain,
         pays=None if estimate.assessment is None else estimate.assessment.pays,

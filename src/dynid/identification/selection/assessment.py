@@ -21,6 +21,7 @@ from dynid.identification.selection.regions import (
 )
 from dynid.identification.selection.scoring import gain_of
 from dynid.robot import joints_by_kind
+from dynid.signals import Samples
 
 SCALES = tuple(float(s) for s in np.geomspace(1.0, 100.0, 21))
 """Factors of the leverage that are tried: 1 is what white residuals do to the parameters."""
@@ -91,6 +92,8 @@ def assessment_from_json(data: dict[str, Any]) -> Assessment:
         return np.array(values, dtype=np.float64)
 
     interval = {key: array(rows) for key, rows in data["interval"].items() if key != "levels"}
+    # Files of before 0.2 know no noise of single samples.
+    interval.setdefault("averaged", np.zeros_like(interval["sigma"]))
     return Assessment(
         anywhere=array(data["left_out_rms"]["anywhere"]),
         this_motion=array(data["left_out_rms"]["this_motion"]),
@@ -150,12 +153,13 @@ def assess(
     slowest = SLOWEST * np.maximum(np.percentile(speed, 99, axis=1), 1e-9)
     precision = strength * known.precision
     index, error, lever, floor = _rows(problem, fitted, regions, root, precision)
+    floor = this_motion if floor is None else np.minimum(floor, this_motion)
     # Of each row that is left out: its part, and whether its joint moves.
     part, moves = regions[index], (speed > slowest[:, None])[:, index]
     return Assessment(
         anywhere=fitted.rms,
         this_motion=this_motion,
-        noise_floor=this_motion if floor is None else np.minimum(floor, this_motion),
+        noise_floor=floor,
         torque=fitted.torque,
         models=models,
         pays=pays,
@@ -163,6 +167,7 @@ def assess(
             root=root,
             sigma=this_motion,
             slowest=slowest,
+            averaged=_averaged(samples, floor),
             **_calibrated(this_motion, part, error, lever, moves),
         ),
     )
@@ -309,6 +314,20 @@ def _rows(
         floor = np.sqrt(bends / max(problem.blocks, 1))
     left_out = np.concatenate(errors, axis=1), np.concatenate(levers, axis=1)
     return np.concatenate(indices), *left_out, floor
+
+
+def _averaged(samples: Samples, floor: Array) -> Array:
+    """(n) deviation of the noise that means over blocks and periods have lost [N.m or N].
+
+    From the scatter of the samples within each block, and the noise floor (n) of the means.
+    """
+    tau = samples.tau[samples.rows]
+    count = len(tau) // samples.block
+    blocks = tau[: count * samples.block].reshape(count, samples.block, -1)
+    within = blocks.var(axis=1).mean(axis=0)
+    single = samples.noise is not None
+    mean = np.square(floor) / (samples.block if single else 1)
+    return np.sqrt(samples.periods * within + (samples.periods - 1.0) * mean)
 
 
 def _calibrated(

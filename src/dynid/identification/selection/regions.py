@@ -145,7 +145,7 @@ class TorqueInterval(Value):
     s^2 = sigma^2 + c^2 h with the leverage h = |root' x|^2 of a state's columns x. The half width
     is a quantile of |error| / s on the regions left out (split conformal prediction), of rows in
     motion and at rest apart; at rest never less than stiction may hold. What friction and drive
-    gains of another day may change is added in square.
+    gains of another day may change, and the noise of single samples, are added in square.
     """
 
     root: Array
@@ -159,10 +159,13 @@ class TorqueInterval(Value):
     """(n) speed from which a joint moves [rad/s or m/s]."""
     quantiles: Array
     """(2, n, L) of |error| / s at `LEVELS`, at rest and in motion."""
+    averaged: Array
+    """(n) deviation of the noise that single samples have beyond the fitted means over blocks and
+    periods [N.m or N]."""
 
     def __post_init__(self) -> None:
         n = len(self.sigma)
-        freeze(self, root=(None, None), sigma=(n,), scale=(n,), slowest=(n,))
+        freeze(self, root=(None, None), sigma=(n,), scale=(n,), slowest=(n,), averaged=(n,))
         freeze(self, quantiles=(2, n, len(LEVELS)))
 
     def half_width(
@@ -215,7 +218,8 @@ class TorqueInterval(Value):
         normal = NormalDist().inv_cdf((1.0 + level) / 2.0)
         change = np.hypot(FRICTION_CHANGE * friction, GAIN_CHANGE * torque)
         hidden = unseen.deviation(dq, ddq, friction, self.sigma)
-        return np.hypot(half, normal * np.hypot(change, hidden))
+        beside = np.sqrt(change**2 + hidden**2 + self.averaged[:, None] ** 2)
+        return np.hypot(half, normal * beside)
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
