@@ -47,6 +47,13 @@ def test_other_programs_give_our_torques(name: str, to: str, tmp_path: Path) -> 
     assert [path.name for path in tmp_path.iterdir()] == ["model"]
 
 
+@pytest.mark.parametrize("to", ["urdf", "mjcf"])
+def test_joints_named_as_our_own_or_alike_in_print(to: str, tmp_path: Path) -> None:
+    names = ("mounting", "flange_fixed", "a\u200b", "a\u200c")
+    done = write_model(truth(replace(mixed_chain(), joint_names=names)), tmp_path / "model", to)
+    assert done.verified.passed
+
+
 @pytest.mark.parametrize("to", ["json", "c", "python"])
 @pytest.mark.parametrize("name", ["ur5", "heavy", "mixed"])
 def test_code_holds_every_term(name: str, to: str, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from dynid.core import Array, JobError, printable, scipy_part
 from dynid.export.model import ExportModel, NearestFriction
-from dynid.robot import tensor
+from dynid.robot import RobotModel, tensor
 
 
 def roll_pitch_yaw(rotation: Array) -> tuple[float, float, float]:
@@ -85,6 +85,20 @@ def bodies(model: ExportModel) -> list[tuple[float, Array, Array]]:
         central = tensor(row) - steiner
         found.append((mass, centre, central[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
     return found
+
+
+def joint_names(robot: RobotModel) -> list[str]:
+    """(n) printable names, each once: two may differ in nothing that is printable."""
+    found: list[str] = []
+    for name in robot.joint_names:
+        found.append(_free(printable(name, None), found))
+    return found
+
+
+def _free(name: str, taken: Iterable[str]) -> str:
+    while name in taken:
+        name += "_"
+    return name
 
 
 def refuse_negative_friction(model: ExportModel) -> None:
@@ -193,7 +207,8 @@ def urdf_text(model: ExportModel, note: str = "") -> str:
     turn[:3, :3] = upright(robot.gravity)
     ET.SubElement(root, "link", name="world")
     ET.SubElement(root, "link", name="base_link")
-    _urdf_joint(root, "mounting", "fixed", turn, "world", "base_link")
+    names = joint_names(robot)
+    _urdf_joint(root, _free("mounting", names), "fixed", turn, "world", "base_link")
     for i, (mass, centre, inertia) in enumerate(bodies(model)):
         link = ET.SubElement(root, "link", name=f"link_{i + 1}")
         inertial = ET.SubElement(link, "inertial")
@@ -201,9 +216,10 @@ def urdf_text(model: ExportModel, note: str = "") -> str:
         ET.SubElement(inertial, "mass", value=numbers(mass))
         six = {name: numbers(value) for name, value in zip(SIX, inertia, strict=True)}
         ET.SubElement(inertial, "inertia", six)
-        _joint(root, model, i)
+        _joint(root, model, i, names[i])
     ET.SubElement(root, "link", name="flange")
-    _urdf_joint(root, "flange_fixed", "fixed", robot.flange, f"link_{robot.joints}", "flange")
+    last = f"link_{robot.joints}"
+    _urdf_joint(root, _free("flange_fixed", names), "fixed", robot.flange, last, "flange")
     return _document(root, remarks)
 
 
@@ -218,10 +234,9 @@ def _urdf_joint(
     return joint
 
 
-def _joint(root: ET.Element, model: ExportModel, i: int) -> None:
+def _joint(root: ET.Element, model: ExportModel, i: int, name: str) -> None:
     robot, limits = model.robot, model.robot.limits
-    parent = f"link_{i}" if i else "base_link"
-    name, kind = printable(robot.joint_names[i], None), robot.joint_types[i]
+    parent, kind = f"link_{i}" if i else "base_link", robot.joint_types[i]
     joint = _urdf_joint(root, name, kind, robot.placements[i], parent, f"link_{i + 1}")
     ET.SubElement(joint, "axis", xyz=numbers(*robot.axes[i]))
     wide = _PRISMATIC if robot.prismatic[i] else _REVOLUTE
@@ -261,7 +276,7 @@ def mjcf_text(model: ExportModel, note: str = "") -> str:
     root = ET.Element("mujoco", model=printable(robot.name, None))
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
     ET.SubElement(root, "option", gravity=numbers(*robot.gravity))
-    parent = ET.SubElement(root, "worldbody")
+    parent, names = ET.SubElement(root, "worldbody"), joint_names(robot)
     for i, (mass, centre, inertia) in enumerate(bodies(model)):
         place = {"name": f"link_{i + 1}", **_place(robot.placements[i])}
         parent = ET.SubElement(parent, "body", place)
@@ -275,7 +290,7 @@ def mjcf_text(model: ExportModel, note: str = "") -> str:
         joint = ET.SubElement(
             parent,
             "joint",
-            name=printable(robot.joint_names[i], None),
+            name=names[i],
             type="slide" if robot.prismatic[i] else "hinge",
             axis=numbers(*robot.axes[i]),
             armature=numbers(model.terms["Im"][i]),

@@ -18,7 +18,6 @@ from dynid.core import (
     JobError,
     Value,
     in_one_piece,
-    printable,
     read_only,
     told,
 )
@@ -177,7 +176,7 @@ _FORMATS = {
             path,
             states,
             np.array([0.0, 0.0, -np.linalg.norm(model.robot.gravity)]),
-            [printable(name, None) for name in model.robot.joint_names],
+            robot_xml.joint_names(model.robot),
         ),
         robot_xml.URDF_HELD,
     ),
