@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +73,17 @@ def test_the_band_holds_its_share_of_poses_to_come_however_few_it_is_from() -> N
         near[-1] = near[-1] < 1.96 * found.band_std
     assert abs(np.mean(held) - 0.95) < 0.02
     assert np.mean(near) > 0.65
+
+
+def test_heavy_links_without_published_inertias() -> None:
+    """Torques of another unit of mass are predicted as well."""
+    real = plant(arm("ur5"), 0)
+    unknown = replace(real.robot, inertias=np.full((6, 10), np.nan))
+    (q, torque, _), (many, _, gravity) = poses(real, 0, 60), poses(real, 1, 500)
+    for heavier in (1.0, 1000.0):
+        found = gravity_of(unknown, q, heavier * torque)
+        error = np.square(found.predict(many) / heavier - gravity).mean(axis=0)
+        assert (np.sqrt(error) < real.coulomb).all()
 
 
 def test_torques_that_are_not_those_of_gravity_are_doubted() -> None:

@@ -183,6 +183,17 @@ def test_a_bayesian_fit_is_honest(truth: np.ndarray) -> None:
     assert share > 0.9
 
 
+@pytest.mark.parametrize("heavier", [1.0, 1000.0])
+def test_plausible_bodies_do_not_hold_heavy_ones_back(truth: np.ndarray, heavier: float) -> None:
+    unknown = replace(ur5(), inertias=np.full((6, 10), np.nan))
+    base, problem = reduce_model(InverseDynamicModel(robot=unknown)), problem_of(1)
+    samples = replace(problem.samples, tau=heavier * problem.samples.tau)
+    problem = replace(problem, base=base, samples=samples)
+    fit = BayesianRegression().fit(problem)
+    deviation = np.sqrt(np.diag(hac_covariance(fit, problem)))
+    assert np.mean(np.abs(fit.values - heavier * truth) < 1.96 * deviation) > 0.85
+
+
 def test_little_data_leaves_the_prior(problem: IdentificationProblem) -> None:
     prior = published_prior(problem.base)
     factors = joint_factors(problem) * 1e-6

@@ -286,7 +286,8 @@ class BayesianRegression(least_squares.Estimator):
     """Gaussian prior on inertial parameters, Gaussian likelihood, both exact.
 
     The prior's covariance is the inverse of the pseudo-inertia metric at the published values, see
-    `PublishedPrior`, so that no choice of frames or units matters. Residuals of robots are
+    `PublishedPrior`, so that no choice of frames or units matters; that of plausible bodies is as
+    wide as the torques make likely. Residuals of robots are
     correlated: the likelihood is tempered by how much that inflates variances, otherwise the
     posterior would claim too much.
     """
@@ -305,6 +306,9 @@ class BayesianRegression(least_squares.Estimator):
         tempered = plain.weights / np.sqrt(max(inflation, 1.0))
         known = published_prior(problem.base)
         root = known.root / relative
+        if not known.published:
+            scale = likely_scale(factors, tempered, known.mean, root)
+            relative, root = scale * relative, root / scale
         values, information = posterior(factors, tempered, known.mean, root)
         return replace(
             plain,
@@ -318,6 +322,28 @@ class BayesianRegression(least_squares.Estimator):
                 f"likelihood tempered by {inflation:.2g} for correlated residuals",
             ),
         )
+
+
+SCALES = np.geomspace(1.0, 1e8, 241)
+"""Of `likely_scale`, among which it chooses."""
+
+
+def likely_scale(factors: Array, weights: Array, mean: Array, root: Array) -> float:
+    """The factor on the prior's deviations, 1 or more, by which the torques are most likely.
+
+    How far plausible bodies are from an arm's own, nothing but its torques can tell (type II
+    maximum likelihood). Arguments as of `posterior`.
+    """
+    triangle = upper_triangle((factors * weights[:, None, None]).reshape(-1, len(mean) + 1))
+    data, target = triangle[:-1, :-1], triangle[:-1, -1]
+    _, sizes, turn = np.linalg.svd(root)
+    # What the prior leaves free is fitted whatever its scale.
+    taken, values, _ = np.linalg.svd(data @ turn[len(root) :].T)
+    rest = taken[:, int((values > 1e-12 * values.max(initial=0.0)).sum()) :].T
+    turned, gains, _ = np.linalg.svd(rest @ data @ (turn[: len(root)].T / sizes))
+    shown = np.square(turned.T @ rest @ (target - data @ mean))[: len(gains)]
+    variance = 1.0 + np.square(SCALES[:, None] * gains)
+    return float(SCALES[np.argmin((shown / variance + np.log(variance)).sum(axis=1))])
 
 
 def posterior(

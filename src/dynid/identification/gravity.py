@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from dynid.core import Array, Finding, InputError, Mask, Value, freeze, frozen, told
 from dynid.identification import least_squares
-from dynid.identification.bayesian import deviations, inertial_prior, posterior
+from dynid.identification.bayesian import deviations, inertial_prior, likely_scale, posterior
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
 from dynid.recording import ExperimentRecord, RecordLike, are_poses, open_record
 from dynid.reduction import BaseParametrization, reduce_model
@@ -174,7 +174,8 @@ def gravity_of(robot: RobotModel, q: Array, torque: Array, *, frames: str = "") 
     """The gravity parameters that torques at rest show.
 
     Joints are weighted by their own scatter, which is friction and noise. The prior is that of
-    published inertias and their spread (`deviations`), of plausible bodies where there are none.
+    published inertias and their spread (`deviations`), of plausible bodies where there are none,
+    with a spread as large as the torques make likely.
 
     Args:
         robot: The robot.
@@ -199,10 +200,14 @@ def gravity_of(robot: RobotModel, q: Array, torque: Array, *, frames: str = "") 
     turn, sizes, _ = np.linalg.svd(spread, full_matrices=False)
     sizes = np.maximum(sizes, LEAST_SPREAD * sizes[0])
     root = turn.T / sizes[:, None]
-    factors = joint_factors(problem)
-    fit = least_squares.reweighted(
-        problem, factors, None, lambda weights: posterior(factors, weights, mean, root)
-    )
+    factors, scales = joint_factors(problem), [1.0]
+
+    def solved(weights: Array) -> tuple[Array, Array]:
+        if not robot.published.any():
+            scales.append(likely_scale(factors, weights, mean, root))
+        return posterior(factors, weights, mean, root / scales[-1])
+
+    fit = least_squares.reweighted(problem, factors, None, solved)
     inverse = np.linalg.inv(fit.information)
     covariance = inverse @ inverse.T
     columns = model.stack(q, still, still)[list(base.independent)].transpose(2, 1, 0)
@@ -218,7 +223,7 @@ def gravity_of(robot: RobotModel, q: Array, torque: Array, *, frames: str = "") 
         base=base,
         values=fit.values,
         covariance=covariance,
-        prior_std=np.linalg.norm(turn * sizes, axis=1),
+        prior_std=scales[-1] * np.linalg.norm(turn * sizes, axis=1),
         poses=len(q),
         left_out=_rms(errors),
         published=_rms(given) if robot.published.all() else None,
