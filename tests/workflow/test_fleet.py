@@ -371,6 +371,17 @@ def test_false_alarms_come_at_the_stated_rate(least: float) -> None:
     assert holm([0.01, 0.04, 0.03]).tolist() == pytest.approx([0.03, 0.06, 0.06])
 
 
+def test_intervals_of_few_recordings_hold_what_they_say() -> None:
+    draw, held = np.random.default_rng(0), []
+    time_s, none, late = DAY_S * np.arange(8.0), np.full(8, np.nan), np.arange(8) >= 4
+    for _ in range(400):
+        values = 10.0 + 3.0 * late + draw.normal(0.0, 0.3, 8)
+        found = trend(time_s, values, np.full(8, 0.1), none, 27.0, permutations=1)
+        assert found is not None
+        held.append(abs(found.change - 3.0) < 1.96 * found.change_std)
+    assert np.mean(held) == pytest.approx(0.95, abs=0.03)
+
+
 @pytest.mark.parametrize("step", [0.0, 3.0])
 def test_the_level_now_is_as_far_off_as_stated(step: float) -> None:
     draw, away = np.random.default_rng(6), []

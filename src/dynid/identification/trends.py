@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynid.core import Array, Indices, Value
+from dynid.core import Array, Indices, Value, scipy_part
 
 LEAST_RECORDINGS = 8
 """Fewer recordings have no trend."""
@@ -160,11 +160,15 @@ def trend(
 
 
 def _fitted(design: Array, values: Array, spread: Array) -> tuple[Array, Array, float]:
-    """Coefficients of weighted least squares, their covariance, and the residual variance."""
+    """Coefficients of weighted least squares, their covariance, and the residual variance.
+
+    `CONFIDENCE` deviations hold as much as Student's interval of so few recordings.
+    """
     inverse = np.linalg.pinv(design / spread[:, None])
-    found = inverse @ (values / spread)
-    noise = float(np.square((values - design @ found) / spread).sum()) / _freedom(design)
-    return found, noise * inverse @ inverse.T, noise
+    found, freedom = inverse @ (values / spread), _freedom(design)
+    noise = float(np.square((values - design @ found) / spread).sum()) / freedom
+    wider = float(scipy_part("special").stdtrit(freedom, 0.975)) / CONFIDENCE
+    return found, noise * wider**2 * inverse @ inverse.T, noise
 
 
 def _spread(design: Array, values: Array, own: Array) -> Array:
