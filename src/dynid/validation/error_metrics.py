@@ -25,7 +25,7 @@ class Metrics(Value):
     relative_error_percent: Array
     """(n) 100 ||e|| / ||tau|| [%]."""
     relative_error_overall_percent: float
-    """The same over all joints [%]."""
+    """The same over all joints; of turning and sliding ones, over the kind that errs more [%]."""
     r2: Array
     """(n) 1 - ||e||^2 / ||tau - mean||^2."""
 
@@ -34,17 +34,25 @@ class Metrics(Value):
         return plain(self)
 
 
-def metrics(measured: Array, predicted: Array, mask: Mask | None = None) -> Metrics:
-    """Metrics of predicted torques (N, n) [N.m or N], of the samples that a mask (N, n) marks."""
+def metrics(
+    measured: Array,
+    predicted: Array,
+    mask: Mask | None = None,
+    prismatic: Sequence[bool] | None = None,
+) -> Metrics:
+    """Metrics of predicted torques (N, n) [N.m or N], of the samples that a mask (N, n) marks.
+
+    Joints (n) are of one kind unless `prismatic` says which of them slide.
+    """
     counted = np.ones(measured.shape, dtype=bool) if mask is None else mask.astype(bool)
     joints = measured.shape[1]
     columns: list[tuple[float, float, float, float]] = []
-    square = energy = 0.0
+    square, energy = np.zeros((2, joints))
     for j in range(joints):
         torque, error = measured[counted[:, j], j], (measured - predicted)[counted[:, j], j]
         squares = float(np.square(error).sum())
         norm = float(np.square(torque).sum())
-        square, energy = square + squares, energy + norm
+        square[j], energy[j] = squares, norm
         if len(torque) == 0:
             columns.append((np.nan, np.nan, np.nan, np.nan))
             continue
@@ -56,13 +64,15 @@ def metrics(measured: Array, predicted: Array, mask: Mask | None = None) -> Metr
         columns.append((rms, _ratio(rms, reach), relative, 1 - _ratio(squares, spread)))
     rmse, nrmse, relative_error, r2 = np.array(columns).T
     samples = counted.sum() / joints
+    kinds = joints_by_kind(prismatic or [False] * joints).values()
+    overall = [_ratio(float(square[j].sum()), float(energy[j].sum())) for j in kinds]
     return Metrics(
         samples=round(samples),
-        normalized_error=_ratio(np.sqrt(square), samples),
+        normalized_error=_ratio(np.sqrt(square.sum()), samples),
         rmse=rmse,
         nrmse=nrmse,
         relative_error_percent=relative_error,
-        relative_error_overall_percent=100 * np.sqrt(_ratio(square, energy)),
+        relative_error_overall_percent=float(100 * np.sqrt(np.fmax.reduce(overall))),
         r2=r2,
     )
 

@@ -327,7 +327,7 @@ def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:
             predicted[:, j] = np.interp(samples.t + late, samples.t, own[:, j])
     predicted = read_only(predicted[rows])
     measured, dq = samples.tau[rows], samples.dq[rows]
-    limits = estimate.model.robot.limits
+    limits, slides = estimate.model.robot.limits, estimate.model.robot.prismatic
     moving = np.abs(dq) > np.fmin(MOVING_SPEED, MOVING_SHARE * limits.velocity)
     moving.setflags(write=False)
     return ValidationResult(
@@ -336,9 +336,9 @@ def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:
         moves=moving,
         measured=measured,
         predicted=predicted,
-        metrics=metrics(measured, predicted),
-        moving=metrics(measured, predicted, moving),
-        at_rest=metrics(measured, predicted, ~moving),
+        metrics=metrics(measured, predicted, prismatic=slides),
+        moving=metrics(measured, predicted, moving, slides),
+        at_rest=metrics(measured, predicted, ~moving, slides),
         residual_autocorrelation=autocorrelation((measured - predicted).T, 1),
         warnings=(*_extrapolated(estimate, samples), *_at_rest(estimate, moving)),
     )
