@@ -155,6 +155,25 @@ def test_an_arm_with_little_friction_is_not_one_whose_friction_was_compensated(
     assert told == ({"info"} if scale < 1.0 else set())
 
 
+@pytest.mark.parametrize(("fault", "seed"), [("flexibility", 1), ("payload", 7)])
+def test_small_and_large_arms_are_judged_alike(fault: str, seed: int) -> None:
+    """Masses and torques of another unit: the same findings, their values in that unit."""
+    motion = "fourier" if fault == "flexibility" else "waypoints"
+    case = Case(
+        arm="ur5", motion=motion, rate_hz=125.0, duration_s=10.0,
+        seed=seed, fault=fault, size="large",
+    )  # fmt: skip
+    made, values = recorded(case), []
+    for unit in (1.0, 1e-3, 1e3):
+        limits = replace(made.robot.limits, torque=unit * made.robot.limits.torque)
+        robot = replace(made.robot, inertias=unit * made.robot.inertias, limits=limits)
+        signals = made.record.signals | {"effort": unit * made.record.signals["effort"]}
+        (found,) = findings_of(replace(made.record, signals=signals), robot)
+        assert found.kind == fault
+        values.append(found.value * (unit if fault == "flexibility" else 1 / unit))
+    np.testing.assert_allclose(values, values[0], rtol=1e-3)
+
+
 def test_the_unit_of_a_slide_is_not_the_error_of_the_others() -> None:
     def shrunk(made: Recorded) -> Judged:
         factor = np.where(made.robot.prismatic, 1.0, 0.9)

@@ -276,10 +276,10 @@ def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
     bent[0, :, j] = carried
     bent[1, :, j] = np.gradient(carried, step)
     bent[2, :, j] = np.gradient(bent[1, :, j], step)
-    small = 1e-3 / max(float(np.abs(carried).max()), 1e-9)
+    small = 1e-3 / max(float(np.abs(carried).max()), 1e-9)  # Most bend by 1 mrad or 1 mm.
     yield Hypothesis(
         kind="flexibility", joints=(j,), unit="m/N" if slides else "rad/(N.m)",
-        width=np.array([1e-3]), least=1e-4,
+        width=np.array([50 * small]), least=5 * small,
         columns=torques.columns(
             (torques.links - torques.at(by=small * bent, parameters=torques.beyond_gears)) / small
         ),

@@ -14,6 +14,9 @@ UNKNOWN_MASS, UNKNOWN_CENTRE, UNKNOWN_THICK, UNKNOWN_TENSOR = 1.0, 0.3, 0.1, 0.5
 BALL_M = 0.03
 """Published tensors may be rough: a body is at least as thick as a ball of this radius."""
 
+ROUNDING = 1e-11
+"""Least variance of a link's parameters, over the square of the links' mean mass."""
+
 
 def link_prior(robot: RobotModel) -> tuple[Array, Array]:
     """(10 n) inertial parameters and (10 n, 10 n) their covariance, from what is published.
@@ -43,7 +46,7 @@ def link_prior(robot: RobotModel) -> tuple[Array, Array]:
             thick = UNKNOWN_THICK * longest
         drawn = from_pseudo_inertia(place @ _drawn(draw, row, thick, *spreads) @ place.T)
         mean[part] = move(row, place)
-        covariance[part, part] = np.cov(drawn.T) + 1e-10 * np.eye(10)
+        covariance[part, part] = np.cov(drawn.T) + ROUNDING * usual**2 * np.eye(10)
     return mean, covariance
 
 
