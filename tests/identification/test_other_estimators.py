@@ -101,6 +101,16 @@ def test_total_least_squares_on_a_robot(problem: IdentificationProblem) -> None:
     )
 
 
+def test_total_least_squares_is_no_further_off_than_it_says(truth: np.ndarray) -> None:
+    held = []
+    for seed in range(3):
+        problem = problem_of(seed, noise=2.0)
+        fit = TotalLeastSquares().fit(problem)
+        deviation = np.sqrt(np.diag(hac_covariance(fit, problem)))
+        held.append(np.abs(fit.values - truth) < 1.96 * deviation)
+    assert np.mean(held) > 0.92
+
+
 def test_recursive_equals_batch(problem: IdentificationProblem) -> None:
     fit = RecursiveLeastSquares().fit(problem)
     a, b = dense(problem, fit.weights)

@@ -61,7 +61,8 @@ class Fit(Value):
     standard: StandardFit | None = None
     """Standard parameters, from estimators that find them."""
     prior_precision: Array | None = None
-    """(r, r) precision of a Gaussian prior that is part of the information."""
+    """(r, r) covariance of scores besides those of the residuals: the precision of a Gaussian prior
+    that is part of the information, or what an estimator may be off by itself."""
     choices: tuple[str, ...] = ()
     """What the estimator chose by itself, in words."""
 
@@ -314,7 +315,14 @@ class TotalLeastSquares(Estimator):
         width = problem.base.rank + 1
         stacked = upper_triangle((factors * plain.weights[:, None, None]).reshape(-1, width))
         values = solve_total(stacked)
-        return replace(plain, values=values, noise=residual_noise(factors, values, problem))
+        # What it takes for errors of the columns may be none: as far off as it moved.
+        moved = plain.information.T @ (plain.information @ (values - plain.values))
+        return replace(
+            plain,
+            values=values,
+            noise=residual_noise(factors, values, problem),
+            prior_precision=np.outer(moved, moved),
+        )
 
 
 def solve_total(augmented: Array) -> Array:
