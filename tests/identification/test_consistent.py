@@ -13,7 +13,7 @@ from known_robot import MASSES, oracle, recording, ur5
 from scipy.optimize import minimize
 
 from dynid import identify
-from dynid.core import MissingExtraError
+from dynid.core import JobError, MissingExtraError
 from dynid.identification import (
     IdentificationProblem,
     PhysicallyConsistent,
@@ -25,11 +25,12 @@ from dynid.identification import (
 )
 from dynid.identification.consistent import (
     ConsistentProblem,
+    ConsistentSolution,
     body_constraints,
     sign_constraints,
     solve_conic,
 )
-from dynid.identification.physical import EXCESS, residual_sum, standard_fit
+from dynid.identification.physical import EXCESS, largest_weight, residual_sum, standard_fit
 from dynid.identification.problem import joint_factors
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
@@ -335,6 +336,24 @@ def test_a_missing_solver_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setitem(sys.modules, "clarabel", None)
     with pytest.raises(MissingExtraError, match=r"clarabel.*dynid\[sdp\]"):
         solve_conic(small_problem(0), 0.1)
+
+
+def test_a_weight_that_the_solver_does_not_finish_is_too_large(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def unfinished(problem: ConsistentProblem, gamma: float) -> ConsistentSolution:
+        if gamma > 1e-4:
+            raise JobError("no solution")
+        return solve_conic(problem, gamma)
+
+    known = small_problem(0)
+    # Its residual sum is one, whatever the weight.
+    none = {"matrix": np.zeros_like(known.matrix), "target": np.zeros_like(known.target)}
+    small = replace(known, **none, least=1.0)
+    monkeypatch.setattr("dynid.identification.physical.solve_conic", unfinished)
+    found, solution = largest_weight(small)
+    assert 10**-4.1 <= found <= 1e-4
+    assert np.array_equal(solution.values, solve_conic(small, found).values)
 
 
 def test_the_prior_is_what_the_robot_file_says() -> None:

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynid.core import Array, inverse_upper, upper_triangle
+from dynid.core import Array, JobError, inverse_upper, upper_triangle
 from dynid.identification import bayesian, least_squares
 from dynid.identification.consistent import (
     ConsistentProblem,
@@ -178,13 +178,18 @@ def largest_weight(problem: ConsistentProblem) -> tuple[float, ConsistentSolutio
 
     By the discrepancy principle: the plain residual sum of the problem is one, and may grow by the
     share `EXCESS`; where consistency alone costs more than half of that, half of it comes on top of
-    what it costs.
+    what it costs. A weight whose program the solver does not finish counts as too large.
     """
     tried: dict[float, tuple[float, ConsistentSolution]] = {}
 
     def excess(power: float) -> float:
         if power not in tried:
-            solution = solve_conic(problem, 10.0**power)
+            try:
+                solution = solve_conic(problem, 10.0**power)
+            except JobError:
+                if not tried:
+                    raise
+                return float("inf")
             tried[power] = (problem.misfit(solution.values) - 1.0, solution)
         return tried[power][0]
 
