@@ -12,7 +12,7 @@ import dynid
 from dynid.constraints import certify, safe_constraints
 from dynid.core import InputError
 from dynid.robot import Body, load_robot
-from dynid.trajectory import FourierSeries
+from dynid.trajectory import FourierSeries, Quintic
 
 DATA = Path(sys.prefix) / (
     f"lib/python3.{sys.version_info.minor}/site-packages/"
@@ -99,6 +99,35 @@ def test_parts_that_stay_near_each_other_keep_most_of_their_distance(tmp_path: P
     # What nothing is near is not made of more points than before.
     base, near, far = sorted(robot.bodies, key=lambda body: body.link)
     assert len(far.points) < min(len(base.points), len(near.points))
+
+
+def test_what_a_coupled_branch_carries_is_not_certified(tmp_path: Path) -> None:
+    """The rod of a palletiser: frozen, though the real one swings with the second joint."""
+    box = '<geometry><box size="0.1 0.1 0.3"/></geometry>'
+    links = "".join(
+        f'<link name="{name}"><inertial><mass value="2"/>'
+        f'<inertia ixx="0.0{k}" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial>'
+        f"<collision>{box}</collision></link>"
+        for k, name in enumerate(("base", "one", "two", "end", "rod"), start=2)
+    )
+    joints = "".join(
+        f'<joint name="{name}" type="revolute"><parent link="{a}"/><child link="{b}"/>'
+        f'<origin xyz="0 {y} 0.4"/><axis xyz="0 1 0"/>{more}'
+        '<limit lower="-2" upper="2" velocity="2" effort="200"/></joint>'
+        for name, a, b, y, more in (
+            ("j1", "base", "one", 0, ""), ("j2", "one", "two", 0, ""),
+            ("j3", "two", "end", 0, ""), ("j4", "one", "rod", 0.3, '<mimic joint="j2"/>'),
+        )
+    )  # fmt: skip
+    path = tmp_path / "arm.urdf"
+    path.write_text(f'<robot name="arm">{links}{joints}</robot>')
+    fixed = tmp_path / "fixed.toml"
+    fixed.write_text('urdf = "arm.urdf"\nlocked = {j4 = 0.0}\n')
+    move = Quintic(start=np.zeros(3), goal=np.array([0.2, 1, 0]), travel_time=4.0)
+    found = dynid.check(move, robot=path, floor=-1.0).certificate
+    assert {item.kind for item in found.unjudged} >= {"torque", "self_collision", "environment"}
+    assert not {"self_collision", "environment"} & set(found.proven)
+    assert dynid.check(move, robot=fixed, floor=-1.0).certificate.verdict == "certified"
 
 
 @needs_models

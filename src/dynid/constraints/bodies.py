@@ -165,7 +165,7 @@ def surroundings_of(
     moving = (*sorted(robot.bodies, key=lambda body: body.link), *carried)
     notes += robot.notes
     bare = not_held(robot) if settings.self_collision or scene.shapes else ()
-    notes += bare
+    notes += [note for note in bare if note not in notes]
     if scene.shapes and not any(body.link for body in moving):
         raise InputError(
             "no moving link has a collision body to judge against the scene",

@@ -4,7 +4,7 @@ import difflib
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import compress
 from pathlib import Path
 
@@ -37,6 +37,8 @@ class Trunk:
     locked: dict[str, float]
     """Every other moving joint, and where it is frozen [rad or m]."""
     notes: tuple[str, ...]
+    following: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Those of them that move with a joint of the arm, and with which."""
 
 
 def find_trunk(
@@ -99,6 +101,11 @@ def find_trunk(
         tip=end,
         locked=_frozen(tree, names, frozen, notes),
         notes=tuple(notes),
+        following={
+            j.name: j.mimic[0]
+            for j in tree.joints.values()
+            if j.kind in MOVING and j.mimic and j.mimic[0] in names and j.name not in frozen
+        },
     )
 
 
@@ -112,16 +119,6 @@ def _frozen(
     values = {j.name: asked.get(j.name, _followed(j, asked)) for j in rest}
     if rest:
         notes.append(f"joints frozen: {_listed([f'{k} at {v:g}' for k, v in values.items()])}")
-    carried = [
-        f"{j.name} with {j.mimic[0]}"
-        for j in rest
-        if j.mimic and j.mimic[0] in chosen and j.name not in asked
-    ]
-    if carried:
-        notes.append(
-            "frozen although they move with a joint of the arm, so that the torques of what they "
-            f"carry are wrong: {_listed(carried)}"
-        )
     free = [j.name for j in tree.joints.values() if j.kind in ("floating", "planar")]
     if free:
         notes.append(f"floating or planar joints taken as fixed: {_listed(free)}")
@@ -301,6 +298,13 @@ def robot_from_urdf(
     joints = [tree.joints[name] for name in trunk.joints]
     notes = [*tree.notes, *trunk.notes]
     inertias = _merge(tree, trunk, poses, carriers, notes)
+    wrong: list[str] = []
+    if trunk.following:
+        told = _listed([f"{name} with {leader}" for name, leader in trunk.following.items()])
+        wrong.append(
+            "frozen although they move with a joint of the arm, so that torques and collisions of "
+            f"what they carry would be wrong: {told} ([locked] in a robot file takes them as fixed)"
+        )
     placements = np.array([poses[joint.parent] @ joint.origin for joint in joints])
     with located(where):
         robot = robot_from_chain(
@@ -310,7 +314,7 @@ def robot_from_urdf(
             placements=placements,
             axes=np.array([joint.axis for joint in joints]),
             flange=poses[trunk.tip],
-            notes=tuple(notes),
+            notes=(*notes, *wrong),
         )
         lower, upper, velocity, effort = np.array([joint.limits for joint in joints]).T
         unknown = np.full(len(joints), np.nan)
@@ -321,6 +325,7 @@ def robot_from_urdf(
             robot,
             limits=limits,
             inertias=inertias,
+            body_notes=tuple(wrong),
             locked=trunk.locked,
             source=f"URDF {where}",
             urdf=str(file.absolute()) if file else "",
@@ -430,6 +435,15 @@ def _merge(
     if (inertias[:, 0] == 0).any() and not (inertias[:, 0] > 0).any():
         inertias[:] = np.nan
         notes.append("no link that moves has a mass: all are taken as unknown")
+    swung: dict[str, str] = {}
+    for joint in tree.downward():
+        leader = trunk.following.get(joint.name, swung.get(joint.parent))
+        if leader is not None:
+            swung[joint.child] = leader
+            own = tree.links[joint.child]
+            if own is not None and own[0] > 0:
+                # Where its mass is when the arm moves is not known.
+                inertias[trunk.joints.index(leader)] = np.nan
     links = [tree.links[tree.joints[name].child] for name in trunk.joints]
     # A dummy that the true link is fixed to says nothing about that link.
     main = [
