@@ -150,9 +150,9 @@ def surroundings_of(
 ) -> Surroundings | None:
     """The bodies, and the names of their pairs; None where nothing is to be judged.
 
-    Neighbouring links are not judged, nor is the base against the scene it stands on; what the
-    flange carries is judged against every other link. A pair of near links is left out where
-    it is proven that it cannot meet, whatever the joints between do.
+    The base is not judged against the scene it stands on; what the flange carries is judged
+    against every other link. A pair of near links is left out where it is proven that it cannot
+    meet, whatever the joints between do; one of neighbouring links where it mostly touches.
 
     Raises:
         InputError: A shape that touches a moving link in every pose.
@@ -235,7 +235,7 @@ def _own_pairs(moving: tuple[Body, ...], arm: int) -> list[tuple[int, int]]:
         (a, b)
         for a, inner in enumerate(moving[:arm])
         for b, outer in enumerate(moving)
-        if outer.link - inner.link >= (1 if b >= arm else 2)
+        if outer.link > inner.link
     ]
 
 
@@ -267,7 +267,8 @@ def _free_pairs(
     """The pairs that are judged of all own pairs (P, 2).
 
     Bodies that can never be twice the clearance apart must keep half of the largest distance seen
-    at the poses (N, n): `notes` is told. Bodies from number `arm` on are carried.
+    at the poses (N, n): `notes` is told. Those of neighbouring links need not be farther apart
+    than `_SURE`. Bodies from number `arm` on are carried.
 
     Returns:
         The pairs, the clearance that each must keep [m], and in words which others are left out
@@ -285,8 +286,8 @@ def _free_pairs(
     for row, k in zip(far, np.flatnonzero(near), strict=True):
         a, b = (int(x) for x in own[k])
         what = f"{names[a]} and {names[b]}"
-        most = float(row.max())
-        clearance = min(settings.self_clearance, max(most, 0.0) / 2)
+        most, joined = float(row.max()), b < arm and gap[k] == 1
+        clearance = min(settings.self_clearance, _SURE if joined else max(most, 0.0) / 2)
         # Bodies in one another are nothing apart, but for rounding.
         share = float((row <= max(clearance, _TOUCHING)).mean())
         if gap[k] <= _NEAR and _proven(bodies, a, b, row, settings, _SURE):
@@ -301,6 +302,9 @@ def _free_pairs(
             )
         kept[k] = not (share == 1.0 or (b < arm and share > _MOSTLY))
         clearances[k] = clearance
+        if joined:
+            # Their joint holds them together: most such pairs are in one another.
+            continue
         if kept[k] and clearance < settings.self_clearance:
             notes.append(
                 f"{what} are never farther than {most:.4f} m apart: the limit is half of that"
