@@ -297,6 +297,8 @@ _MOST = 10_000_000
 """Samples; more is a mistake in the rate."""
 _LATE = 1e-9
 """Share of a step that rounding may take off the last one."""
+_APART = 0.1
+"""Steps between a point of the grid and a jump of the acceleration that has a point as well."""
 
 
 def sampled(trajectory: Trajectory, rate_hz: float) -> JointMotion:
@@ -345,6 +347,10 @@ def joint_trajectory_yaml(
 ) -> str:
     """The motion as a ROS 2 `trajectory_msgs/msg/JointTrajectory` in YAML.
 
+    Controllers join points by quintics, which overshoot where the acceleration jumps: a motion
+    with legs from point to point has points at the jumps and no accelerations, so that cubics
+    join them, which are the legs themselves.
+
     Args:
         trajectory: The motion.
         joint_names: (n) names, in the order of the joints.
@@ -357,10 +363,28 @@ def joint_trajectory_yaml(
         raise InputError(
             "one name a joint, each once", value=tuple(joint_names), limit=trajectory.joints
         )
-    return "\n".join(_yaml_lines(sampled(trajectory, rate_hz), joint_names)) + "\n"
+    motion, jumps = sampled(trajectory, rate_hz), np.array(list(_jumps(trajectory, 0.0)))
+    if len(jumps):
+        away = np.abs(motion.t[:, None] - jumps).min(axis=1) > _APART / rate_hz
+        motion = trajectory.evaluate(np.unique([*motion.t[away], *jumps]))
+    return "\n".join(_yaml_lines(motion, joint_names, smooth=not len(jumps))) + "\n"
 
 
-def _yaml_lines(motion: JointMotion, names: Sequence[str]) -> Iterator[str]:
+def _jumps(trajectory: Trajectory, start: float) -> Iterator[float]:
+    """When the acceleration jumps in a motion that starts then [s]."""
+    if isinstance(trajectory, MotionSequence):
+        for part, begin in zip(trajectory.parts, trajectory.starts.tolist(), strict=True):
+            yield from _jumps(part, start + begin)
+    elif isinstance(trajectory, Repetition):
+        for number in range(trajectory.times):
+            yield from _jumps(trajectory.part, start + number * trajectory.part.duration)
+    elif isinstance(trajectory, PointToPoint):
+        ends = np.cumsum([start, *(time for time, _ in trajectory.polynomials())])
+        # In nanoseconds, as the file has it: the end of one leg is the start of the next.
+        yield from ends.round(9).tolist()
+
+
+def _yaml_lines(motion: JointMotion, names: Sequence[str], *, smooth: bool) -> Iterator[str]:
     yield "header:"
     yield "  stamp: {sec: 0, nanosec: 0}"
     yield '  frame_id: ""'
@@ -370,7 +394,8 @@ def _yaml_lines(motion: JointMotion, names: Sequence[str]) -> Iterator[str]:
         second, nano = divmod(round(float(t) * 1e9), 1_000_000_000)
         yield f"- positions: {_flow(q.tolist())}"
         yield f"  velocities: {_flow(dq.tolist())}"
-        yield f"  accelerations: {_flow(ddq.tolist())}"
+        if smooth:
+            yield f"  accelerations: {_flow(ddq.tolist())}"
         yield f"  time_from_start: {{sec: {second}, nanosec: {nano}}}"
 
 
