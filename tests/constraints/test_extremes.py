@@ -127,6 +127,48 @@ def test_bounds_of_samples_alone_hold_are_not_proven_and_leave_little_room(kind:
         assert (bound <= true + 1.001 * room + ROUNDING).all()
 
 
+@dataclass(frozen=True, slots=True)
+class Table(Trajectory):
+    """Positions at 125 Hz joined by lines: speeds jump, and no acceleration is ever seen."""
+
+    rows: np.ndarray
+    still: bool
+    """Whether its class forgot the speeds as well."""
+
+    @property
+    def duration(self) -> float:
+        return (len(self.rows) - 1) / 125.0
+
+    @property
+    def joints(self) -> int:
+        return self.rows.shape[1]
+
+    def evaluate(self, t: ArrayLike) -> JointMotion:
+        times = np.asarray(t, dtype=np.float64)
+        k = np.clip((125.0 * times).astype(int), 0, len(self.rows) - 2)
+        slope = 125.0 * np.diff(self.rows, axis=0)[k]
+        q = self.rows[k] + (times - k / 125.0)[:, None] * slope
+        return JointMotion(t=times, q=q, dq=slope * (not self.still), ddq=0 * slope)
+
+
+@pytest.mark.parametrize(
+    ("step", "still", "broken"),
+    [
+        (0.0, False, set()),
+        (0.0, True, set()),
+        (0.005, False, {"acceleration"}),
+        (0.05, True, {"velocity"}),
+    ],
+)
+def test_a_sample_out_of_line_is_seen_where_the_derivatives_hide_it(
+    step: float, still: bool, broken: set[str]
+) -> None:
+    rows = HOME + 0.2 * np.sin(np.arange(0, 5, 0.008))[:, None] * np.ones(6)
+    rows[300, 4] += step
+    judge = paper_constraints(load_robot("ur5"))
+    assert set(certify(Table(rows, still), judge).broken) == broken
+
+
 def test_a_spike_between_milliseconds_is_seen() -> None:
     robot = load_robot("ur5")
     spike = hidden_spike(0.3)

@@ -152,18 +152,26 @@ def _of_piece(piece: Piece) -> Array:
 
 
 def _from_samples(trajectory: Trajectory) -> Extremes:
-    """Of samples, with the jerk between them taken as twice what neighbouring ones show."""
+    """Of samples, with the jerk between them taken as twice what neighbouring ones show.
+
+    Differences count as well: by the mean value theorem no motion is slower than its way, whatever
+    its class says of derivatives.
+    """
     times = np.concatenate(dense_times(trajectory))
     motion = trajectory.evaluate(times)
     step = trajectory.duration / (len(times) - 1)
     jerk = _DOUBT * np.abs(np.diff(motion.ddq, axis=0)).max(axis=0) / step
-    acceleration = np.abs(motion.ddq).max(axis=0) + jerk * step / 2
+    velocity, most = (
+        np.maximum(np.abs(slope).max(axis=0), np.abs(np.diff(value, axis=0)).max(axis=0) / step)
+        for value, slope in ((motion.q, motion.dq), (motion.dq, motion.ddq))
+    )
+    acceleration = most + jerk * step / 2
     # Between samples a smooth curve leaves its chord by at most h^2 / 8 of its curvature.
     bow = acceleration * step**2 / 8
     return Extremes(
         lower=motion.q.min(axis=0) - bow,
         upper=motion.q.max(axis=0) + bow,
-        velocity=np.abs(motion.dq).max(axis=0) + jerk * step**2 / 8,
+        velocity=velocity + jerk * step**2 / 8,
         acceleration=acceleration,
         proven=False,
     )
