@@ -41,6 +41,18 @@ def test_what_is_not_si_is_named(tmp_path: Path) -> None:
     ):
         (doubt,) = doubted_units(dynid.load_robot(written(path, **change)))
         assert said in doubt.message
+    for change, said in (
+        ({"turn": 500.0}, "position limits of joint 1 reach 500 m, and look like millimetres"),
+        ({"speed": 250.0}, "velocity limits of joint 2 reach 250 m/s, and look like millimetres"),
+    ):
+        sliding = (
+            written(path, **change)
+            .read_text()
+            .replace("[limits]", 'joint_types = ["prismatic", "prismatic", "revolute"]\n[limits]')
+        )
+        path.write_text(sliding)
+        (doubt,) = doubted_units(dynid.load_robot(path))
+        assert said in doubt.message
     assert doubted_units(dynid.load_robot(written(path))) == []
     ur5 = dynid.load_robot("ur5")
     (doubt,) = doubted_units(replace(ur5, inertias=1000.0 * ur5.inertias))

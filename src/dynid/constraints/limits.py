@@ -362,11 +362,11 @@ def unknown_limit(robot: RobotModel, kind: str, which: Mask) -> Unjudged:
 MOST_TURNS = 4.0
 """No joint with cables through it makes more, to either side."""
 FASTEST = 30.0
-"""[rad/s] Faster than the joints of any arm that carries its own weight."""
+"""[rad/s or m/s] Faster than the joints of any arm that carries its own weight."""
 UNLIMITED = 1e4
 """Files write such numbers, or larger ones, where there is no limit."""
 LONGEST = 20.0
-"""[m] Longer than any arm with serial joints."""
+"""[m] Longer than any arm with serial joints, and than the way of one that slides."""
 DENSEST = 1000.0
 """[kg/m^3] Mass over the cube of the length: five times that of any arm."""
 THINNEST = 0.01
@@ -389,12 +389,14 @@ def doubted_units(robot: RobotModel) -> list[Unjudged]:
         found.append(Unjudged(kind=kind, causes=(cause,), next_step=step))
 
     position = np.fmax(np.abs(limits.lower), np.abs(limits.upper))
-    for kind, unit, values, most, given in (
-        ("position", "rad", position, MOST_TURNS * 2 * math.pi, "degrees"),
-        ("velocity", "rad/s", limits.velocity, FASTEST, "degrees a second"),
+    for kind, unit, values, which, most, given in (
+        ("position", "rad", position, turning, MOST_TURNS * 2 * math.pi, "degrees"),
+        ("position", "m", position, ~turning, LONGEST, "millimetres"),
+        ("velocity", "rad/s", limits.velocity, turning, FASTEST, "degrees a second"),
+        ("velocity", "m/s", limits.velocity, ~turning, FASTEST, "millimetres a second"),
     ):
         # A comparison with an unknown limit (NaN) is false.
-        joints = np.flatnonzero((values > most) & (values < UNLIMITED) & turning).tolist()
+        joints = np.flatnonzero((values > most) & (values < UNLIMITED) & which).tolist()
         if joints:
             names = ", ".join(str(j + 1) for j in joints)
             reached = f"reach {values[joints].max():.4g} {unit}, and look like {given}"
