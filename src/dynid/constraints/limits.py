@@ -330,6 +330,10 @@ def bound_notes(robot: RobotModel, bounds: MotionBounds, unjudged: list[Unjudged
         return []
     low, high = float(bounds.lower[taken].min()), float(bounds.upper[taken].max())
     names = _joints(robot, taken)
+    slides = taken & np.array(robot.prismatic)
+    if slides.any():
+        # A turn either way is a guess for what turns alone.
+        unjudged.append(unknown_limit(robot, "position", slides))
     return [f"no position limits are known of {names}: taken as {low:.4g} to {high:.4g}"]
 
 
@@ -352,10 +356,11 @@ def acceleration_notes(
 
 def unknown_limit(robot: RobotModel, kind: str, which: Mask) -> Unjudged:
     """That the robot gives no limit of a kind for some joints."""
+    keys = "lower, upper" if kind == "position" else kind
     return Unjudged(
         kind=kind,
         causes=(f"no {kind} limit is known of {_joints(robot, which)}",),
-        next_step=f"Give [limits] {kind} in a robot file.",
+        next_step=f"Give [limits] {keys} in a robot file.",
     )
 
 
