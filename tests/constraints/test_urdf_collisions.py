@@ -154,6 +154,11 @@ def test_a_forearm_that_folds_onto_its_neighbour_is_in_collision(tmp_path: Path)
     for angle, broken in ((touching - 0.02, ()), (touching + 0.02, ("self_collision",))):
         move = Quintic(start=np.zeros(2), goal=np.array([0.5, angle]), travel_time=9.0)
         assert dynid.check(move, robot=path, floor="none").certificate.broken == broken
+    # A search keeps away from where it may touch between samples.
+    judge, still = safe_constraints(load_robot(path), floor="none"), np.zeros((1, 2))
+    near = np.array([[0.0, touching - 0.02]])
+    assert judge.violation(near, still, still)[0] == 0.0
+    assert judge.violation(near, still, still, caution=0.01)[0] > 0.0
 
 
 @needs_models

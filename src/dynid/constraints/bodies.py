@@ -14,7 +14,7 @@ from dynid.constraints.arm import arm_geometry
 from dynid.constraints.collision import CollisionBodies, JudgedPairs, gap_of, place_bodies
 from dynid.constraints.distance import WORK
 from dynid.constraints.scene import HALF_SPACE, ConstraintSettings, Scene, body_of
-from dynid.core import Array, Indices, InputError, compiled, read_only
+from dynid.core import Array, Indices, InputError, Mask, compiled, read_only
 from dynid.robot import Body, RobotModel
 
 _MOST_CELLS = 40_000
@@ -193,7 +193,7 @@ def surroundings_of(
     poses = _poses(settings)
     arm = len(moving) - len(carried)
     own = _numbers(_own_pairs(moving, arm) if settings.self_collision else [])
-    own, clearances, left_out = _free_pairs(bodies, own, poses, settings, names, arm, notes)
+    own, clearances, roomy, left_out = _free_pairs(bodies, own, poses, settings, names, arm, notes)
     notes += left_out
     around = [
         (len(moving) + s, j)
@@ -206,11 +206,13 @@ def surroundings_of(
         "self_collision": JudgedPairs(
             bodies=own,
             required=read_only(clearances),
+            roomy=roomy,
             names=tuple(f"{names[a]} - {names[b]}" for a, b in own),
         ),
         "environment": JudgedPairs(
             bodies=around,
             required=read_only(np.full(len(around), settings.clearance)),
+            roomy=np.ones(len(around), dtype=bool),
             names=tuple(f"{names[b]} - {names[a]}" for a, b in around),
         ),
     }
@@ -263,7 +265,7 @@ def _free_pairs(
     names: list[str],
     arm: int,
     notes: list[str],
-) -> tuple[Indices, Array, tuple[str, ...]]:
+) -> tuple[Indices, Array, Mask, tuple[str, ...]]:
     """The pairs that are judged of all own pairs (P, 2).
 
     Bodies that can never be twice the clearance apart must keep half of the largest distance seen
@@ -271,8 +273,8 @@ def _free_pairs(
     than `_SURE`. Bodies from number `arm` on are carried.
 
     Returns:
-        The pairs, the clearance that each must keep [m], and in words which others are left out
-            though they may meet.
+        The pairs, the clearance that each must keep [m], whether it has room for more, and in
+            words which others are left out though they may meet.
 
     Raises:
         InputError: What is carried meets a link in every pose, beside the neighbour of the last.
@@ -282,12 +284,13 @@ def _free_pairs(
     near = (gap <= _NEAR) | (outer >= arm)
     far = bodies.distances(poses, own[near]).T
     kept, clearances = ~near, np.full(len(near), settings.self_clearance)
-    left_out: list[str] = []
+    roomy, left_out = np.ones(len(near), dtype=bool), list[str]()
     for row, k in zip(far, np.flatnonzero(near), strict=True):
         a, b = (int(x) for x in own[k])
         what = f"{names[a]} and {names[b]}"
         most, joined = float(row.max()), b < arm and gap[k] == 1
-        clearance = min(settings.self_clearance, _SURE if joined else max(most, 0.0) / 2)
+        wish = min(settings.self_clearance, _SURE) if joined else settings.self_clearance
+        clearance = wish if joined else min(wish, max(most, 0.0) / 2)
         # Bodies in one another are nothing apart, but for rounding.
         share = float((row <= max(clearance, _TOUCHING)).mean())
         if gap[k] <= _NEAR and _proven(bodies, a, b, row, settings, _SURE):
@@ -301,7 +304,7 @@ def _free_pairs(
                 next_step="Sizes are in metres, places in the flange's frame.",
             )
         kept[k] = not (share == 1.0 or (b < arm and share > _MOSTLY))
-        clearances[k] = clearance
+        clearances[k], roomy[k] = clearance, most >= 2 * wish
         if joined:
             # Their joint holds them together: most such pairs are in one another.
             continue
@@ -313,7 +316,7 @@ def _free_pairs(
             left_out.append(
                 f"{what} are not judged: their bodies are too close in {share:.0%} of poses"
             )
-    return own[kept], clearances[kept], tuple(left_out)
+    return own[kept], clearances[kept], roomy[kept], tuple(left_out)
 
 
 def _reachable(
