@@ -269,8 +269,8 @@ def _free_pairs(
     """The pairs that are judged of all own pairs (P, 2).
 
     Bodies that can never be twice the clearance apart must keep half of the largest distance seen
-    at the poses (N, n): `notes` is told. Those of neighbouring links need not be farther apart
-    than `_SURE`. Bodies from number `arm` on are carried.
+    at the poses (N, n): `notes` is told. Those of neighbouring links must keep `_SURE` if they have
+    that room and keep it at most poses. Bodies from number `arm` on are carried.
 
     Returns:
         The pairs, the clearance that each must keep [m], whether it has room for more, and in
@@ -289,8 +289,8 @@ def _free_pairs(
         a, b = (int(x) for x in own[k])
         what = f"{names[a]} and {names[b]}"
         most, joined = float(row.max()), b < arm and gap[k] == 1
-        wish = min(settings.self_clearance, _SURE) if joined else settings.self_clearance
-        clearance = wish if joined else min(wish, max(most, 0.0) / 2)
+        wish = settings.self_clearance
+        clearance = min(wish, _SURE if joined else max(most, 0.0) / 2)
         # Bodies in one another are nothing apart, but for rounding.
         share = float((row <= max(clearance, _TOUCHING)).mean())
         if gap[k] <= _NEAR and _proven(bodies, a, b, row, settings, _SURE):
@@ -307,6 +307,7 @@ def _free_pairs(
         clearances[k], roomy[k] = clearance, most >= 2 * wish
         if joined:
             # Their joint holds them together: most such pairs are in one another.
+            kept[k] &= roomy[k]
             continue
         if kept[k] and clearance < settings.self_clearance:
             notes.append(
