@@ -130,37 +130,6 @@ def test_what_a_coupled_branch_carries_is_not_certified(tmp_path: Path) -> None:
     assert dynid.check(move, robot=fixed, floor=-1.0).certificate.verdict == "certified"
 
 
-def test_a_forearm_that_folds_onto_its_neighbour_is_in_collision(tmp_path: Path) -> None:
-    """Beams 0.1 m wide from 0.15 m to 0.5 m of their elbow, hubs about it that always touch."""
-    hub = '<collision><geometry><sphere radius="0.08"/></geometry></collision>'
-    links = "".join(
-        f'<link name="{name}"><collision><origin xyz="{x} 0 0"/><geometry>'
-        f'<box size="0.35 0.1 0.1"/></geometry></collision>{more}</link>'
-        for name, x, more in (
-            ("base", -2, ""), ("upper", 0.225, hub.replace("<g", '<origin xyz="0.5 0 0"/><g', 1)),
-            ("fore", 0.325, hub),
-        )
-    )  # fmt: skip
-    joints = "".join(
-        f'<joint name="{name}" type="revolute"><parent link="{a}"/><child link="{b}"/>'
-        f'<origin xyz="{x} 0 0"/><axis xyz="0 0 1"/>'
-        '<limit lower="-3" upper="3" velocity="2" effort="9"/></joint>'
-        for name, a, b, x in (("j1", "base", "upper", 0), ("j2", "upper", "fore", 0.5))
-    )
-    path = tmp_path / "arm.urdf"
-    path.write_text(f'<robot name="arm">{links}{joints}</robot>')
-    # Corners at 0.15 m and 0.05 m to the side, seen from the elbow, meet first.
-    touching = np.pi - 2 * np.arctan2(0.05, 0.15)
-    for angle, broken in ((touching - 0.02, ()), (touching + 0.02, ("self_collision",))):
-        move = Quintic(start=np.zeros(2), goal=np.array([0.5, angle]), travel_time=9.0)
-        assert dynid.check(move, robot=path, floor="none").certificate.broken == broken
-    # A search keeps away from where it may touch between samples.
-    judge, still = safe_constraints(load_robot(path), floor="none"), np.zeros((1, 2))
-    near = np.array([[0.0, touching - 0.02]])
-    assert judge.violation(near, still, still)[0] == 0.0
-    assert judge.violation(near, still, still, caution=0.01)[0] > 0.0
-
-
 @needs_models
 def test_what_is_assumed_of_an_arm_stands_in_its_certificate() -> None:
     robot = load_robot(DATA / "so_arm_description" / "urdf" / "so100.urdf")

@@ -14,7 +14,7 @@ from dynid.constraints.arm import arm_geometry
 from dynid.constraints.collision import CollisionBodies, JudgedPairs, gap_of, place_bodies
 from dynid.constraints.distance import WORK
 from dynid.constraints.scene import HALF_SPACE, ConstraintSettings, Scene, body_of
-from dynid.core import Array, Indices, InputError, Mask, compiled, read_only
+from dynid.core import Array, Indices, InputError, compiled, read_only
 from dynid.robot import Body, RobotModel
 
 _MOST_CELLS = 40_000
@@ -150,9 +150,9 @@ def surroundings_of(
 ) -> Surroundings | None:
     """The bodies, and the names of their pairs; None where nothing is to be judged.
 
-    The base is not judged against the scene it stands on; what the flange carries is judged
-    against every other link. A pair of near links is left out where it is proven that it cannot
-    meet, whatever the joints between do; one of neighbouring links where it mostly touches.
+    Neighbouring links are not judged, nor is the base against the scene it stands on; what the
+    flange carries is judged against every other link. A pair of near links is left out where
+    it is proven that it cannot meet, whatever the joints between do.
 
     Raises:
         InputError: A shape that touches a moving link in every pose.
@@ -193,7 +193,7 @@ def surroundings_of(
     poses = _poses(settings)
     arm = len(moving) - len(carried)
     own = _numbers(_own_pairs(moving, arm) if settings.self_collision else [])
-    own, clearances, roomy, left_out = _free_pairs(bodies, own, poses, settings, names, arm, notes)
+    own, clearances, left_out = _free_pairs(bodies, own, poses, settings, names, arm, notes)
     notes += left_out
     around = [
         (len(moving) + s, j)
@@ -206,13 +206,11 @@ def surroundings_of(
         "self_collision": JudgedPairs(
             bodies=own,
             required=read_only(clearances),
-            roomy=roomy,
             names=tuple(f"{names[a]} - {names[b]}" for a, b in own),
         ),
         "environment": JudgedPairs(
             bodies=around,
             required=read_only(np.full(len(around), settings.clearance)),
-            roomy=np.ones(len(around), dtype=bool),
             names=tuple(f"{names[b]} - {names[a]}" for a, b in around),
         ),
     }
@@ -237,7 +235,7 @@ def _own_pairs(moving: tuple[Body, ...], arm: int) -> list[tuple[int, int]]:
         (a, b)
         for a, inner in enumerate(moving[:arm])
         for b, outer in enumerate(moving)
-        if outer.link > inner.link
+        if outer.link - inner.link >= (1 if b >= arm else 2)
     ]
 
 
@@ -265,16 +263,15 @@ def _free_pairs(
     names: list[str],
     arm: int,
     notes: list[str],
-) -> tuple[Indices, Array, Mask, tuple[str, ...]]:
+) -> tuple[Indices, Array, tuple[str, ...]]:
     """The pairs that are judged of all own pairs (P, 2).
 
     Bodies that can never be twice the clearance apart must keep half of the largest distance seen
-    at the poses (N, n): `notes` is told. Those of neighbouring links must keep `_SURE` if they have
-    that room and keep it at most poses. Bodies from number `arm` on are carried.
+    at the poses (N, n): `notes` is told. Bodies from number `arm` on are carried.
 
     Returns:
-        The pairs, the clearance that each must keep [m], whether it has room for more, and in
-            words which others are left out though they may meet.
+        The pairs, the clearance that each must keep [m], and in words which others are left out
+            though they may meet.
 
     Raises:
         InputError: What is carried meets a link in every pose, beside the neighbour of the last.
@@ -284,13 +281,12 @@ def _free_pairs(
     near = (gap <= _NEAR) | (outer >= arm)
     far = bodies.distances(poses, own[near]).T
     kept, clearances = ~near, np.full(len(near), settings.self_clearance)
-    roomy, left_out = np.ones(len(near), dtype=bool), list[str]()
+    left_out: list[str] = []
     for row, k in zip(far, np.flatnonzero(near), strict=True):
         a, b = (int(x) for x in own[k])
         what = f"{names[a]} and {names[b]}"
-        most, joined = float(row.max()), b < arm and gap[k] == 1
-        wish = settings.self_clearance
-        clearance = min(wish, _SURE if joined else max(most, 0.0) / 2)
+        most = float(row.max())
+        clearance = min(settings.self_clearance, max(most, 0.0) / 2)
         # Bodies in one another are nothing apart, but for rounding.
         share = float((row <= max(clearance, _TOUCHING)).mean())
         if gap[k] <= _NEAR and _proven(bodies, a, b, row, settings, _SURE):
@@ -304,11 +300,7 @@ def _free_pairs(
                 next_step="Sizes are in metres, places in the flange's frame.",
             )
         kept[k] = not (share == 1.0 or (b < arm and share > _MOSTLY))
-        clearances[k], roomy[k] = clearance, most >= 2 * wish
-        if joined:
-            # Their joint holds them together: most such pairs are in one another.
-            kept[k] &= roomy[k]
-            continue
+        clearances[k] = clearance
         if kept[k] and clearance < settings.self_clearance:
             notes.append(
                 f"{what} are never farther than {most:.4f} m apart: the limit is half of that"
@@ -317,7 +309,7 @@ def _free_pairs(
             left_out.append(
                 f"{what} are not judged: their bodies are too close in {share:.0%} of poses"
             )
-    return own[kept], clearances[kept], roomy[kept], tuple(left_out)
+    return own[kept], clearances[kept], tuple(left_out)
 
 
 def _reachable(

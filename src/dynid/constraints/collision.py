@@ -8,7 +8,7 @@ import numpy as np
 
 from dynid.constraints.arm import ArmGeometry, collect, place_joints, place_point, samples_of
 from dynid.constraints.distance import WORK, gap_along, separation
-from dynid.core import Array, Indices, Mask, compiled
+from dynid.core import Array, Indices, compiled
 
 LENGTH = 0.1
 """The distance that counts as much as a limit exceeded by its whole value [m]."""
@@ -25,8 +25,6 @@ class JudgedPairs:
     """(P, 2) numbers of bodies."""
     required: Array
     """(P) smallest allowed distances [m]."""
-    roomy: Mask
-    """(P) whether they can be farther apart than that by as much again."""
     names: tuple[str, ...]
     """(P) both bodies in words."""
 

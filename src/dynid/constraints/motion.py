@@ -172,10 +172,11 @@ class MotionConstraints:
         around = self.surroundings
         if around is not None and total <= most:
             clearances: list[Array] = []
-            for pairs in around.pairs.values():
+            for kind, pairs in around.pairs.items():
                 # Pairs that can never be far apart have no room to be cautious with.
+                roomy = pairs.required == self.settings.clearances[kind]
                 wide = (1.0 + tighten) * (pairs.required + caution)
-                clearances.append(np.where(pairs.roomy, wide, pairs.required))
+                clearances.append(np.where(roomy, wide, pairs.required))
             more, a = around.bodies.violation(
                 q, around.all_pairs, np.concatenate(clearances), known=known, most=most - total
             )
