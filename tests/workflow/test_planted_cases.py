@@ -13,7 +13,7 @@ from dynid.bench import recorded as bench_recorded
 from dynid.identification.selection.assessment import Assessment
 from dynid.identification.selection.regions import TorqueInterval
 from dynid.robot import with_mount
-from dynid.validation import metrics
+from dynid.validation import deciding_errors, metrics
 
 ROBOT = dynid.load_robot("ur5")
 PAPER = dynid.IdentifySettings(preset="paper")
@@ -148,7 +148,7 @@ def test_a_heavy_slide_does_not_hide_the_joints_that_it_carries() -> None:
 @pytest.mark.parametrize("rate_hz", [125.0, 500.0])
 def test_intervals_hold_single_samples_of_a_motion_that_was_averaged(rate_hz: float) -> None:
     """Periods and blocks are averaged: their means have a half to a quarter of the noise."""
-    case = Case(arm="sliding", motion="fourier", rate_hz=rate_hz, duration_s=30.0, seed=5)
+    case = Case(arm="ur3", motion="fourier", rate_hz=rate_hz, duration_s=30.0, seed=5)
     made = bench_recorded(case)
     noise = np.random.default_rng(1)
     size = 0.3 * made.record.signals["effort"].std(axis=0)
@@ -166,4 +166,9 @@ def test_intervals_hold_single_samples_of_a_motion_that_was_averaged(rate_hz: fl
     )
     assert result.validation is not None
     assert result.validation.covered is not None
+    told, judged = result.estimate.assessment, result.validation
+    assert told is not None
+    slides = made.robot.prismatic
+    found = deciding_errors(judged.measured, judged.predicted, judged.moves, slides)
+    assert told.deciding_percent(slides)[0] == pytest.approx(found.moving, rel=0.15)
     assert 0.86 < result.validation.covered.min() <= result.validation.covered.max() < 0.97

@@ -60,11 +60,17 @@ class Assessment(Value):
         return 100.0 * float(np.linalg.norm(self.anywhere) / max(np.linalg.norm(self.torque), 1e-9))
 
     def deciding_percent(self, prismatic: Sequence[bool]) -> tuple[float, float]:
-        """That error and what of it is noise [%]; see `dynid.validation.deciding_errors`."""
+        """That error of single samples and what of it is noise [%].
+
+        As `dynid.validation.deciding_errors` tells them of another recording.
+        """
         found: list[tuple[float, float]] = []
         for joints in joints_by_kind(prismatic).values():
             size = max(float(np.linalg.norm(self.torque[joints])), 1e-9)
-            parts = (self.anywhere[joints], self.noise_floor[joints])
+            parts = (
+                np.hypot(part, self.interval.averaged)[joints]
+                for part in (self.anywhere, self.noise_floor)
+            )
             error, noise = (100.0 * float(np.linalg.norm(part)) / size for part in parts)
             found.append((error, noise))
         return max(found, key=lambda one: one[0] ** 2 - one[1] ** 2)
