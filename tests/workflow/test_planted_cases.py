@@ -169,6 +169,7 @@ def test_intervals_hold_single_samples_of_a_motion_that_was_averaged(rate_hz: fl
     told, judged = result.estimate.assessment, result.validation
     assert told is not None
     slides = made.robot.prismatic
+    np.testing.assert_allclose(told.sample_noise, size, rtol=0.2)
     found = deciding_errors(judged.measured, judged.predicted, judged.moves, slides)
     assert told.deciding_percent(slides)[0] == pytest.approx(found.moving, rel=0.15)
     assert 0.86 < result.validation.covered.min() <= result.validation.covered.max() < 0.97

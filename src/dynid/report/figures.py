@@ -58,7 +58,7 @@ def torque_panels(
     usual = float(np.std(error[moving])) if moving.any() else float(np.std(error))
     reach = _rounded_up(max(4.0 * usual, 1e-6))
     told = item.estimate.assessment
-    noise = 0.0 if told is None else float(told.noise_floor[j])
+    noise = 0.0 if told is None else float(told.sample_noise[j])
     edges = ([-2 * noise] * 2, [2 * noise] * 2)
     band = (draw.Band(t[[0, -1]], *edges, name="noise ±2 σ"),) if noise else ()  # noqa: RUF001
     return (

@@ -185,7 +185,7 @@ def joint_bars(item: ReportedEstimate) -> tuple[Bar, ...]:
     names = joint_labels(item.estimate.model.robot.joint_names)
     error = np.nan_to_num(shown.moving.relative_error_percent)
     told = item.estimate.assessment
-    noise = None if told is None else 100 * told.noise_floor / np.maximum(told.torque, 1e-9)
+    noise = None if told is None else 100 * told.sample_noise / np.maximum(told.torque, 1e-9)
     longest = max(float(error.max()), 1e-9 if noise is None else float(noise.max())) * 1.25
     return tuple(
         Bar(

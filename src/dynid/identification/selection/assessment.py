@@ -59,6 +59,11 @@ class Assessment(Value):
         """Root-sum-square of the errors anywhere over that of the torques [%]."""
         return 100.0 * float(np.linalg.norm(self.anywhere) / max(np.linalg.norm(self.torque), 1e-9))
 
+    @property
+    def sample_noise(self) -> Array:
+        """(n) noise floor of single samples, not of means over blocks and periods [N.m or N]."""
+        return np.hypot(self.noise_floor, self.interval.averaged)
+
     def deciding_percent(self, prismatic: Sequence[bool]) -> tuple[float, float]:
         """That error of single samples and what of it is noise [%].
 
@@ -67,11 +72,8 @@ class Assessment(Value):
         found: list[tuple[float, float]] = []
         for joints in joints_by_kind(prismatic).values():
             size = max(float(np.linalg.norm(self.torque[joints])), 1e-9)
-            parts = (
-                np.hypot(part, self.interval.averaged)[joints]
-                for part in (self.anywhere, self.noise_floor)
-            )
-            error, noise = (100.0 * float(np.linalg.norm(part)) / size for part in parts)
+            parts = np.hypot(self.anywhere, self.interval.averaged), self.sample_noise
+            error, noise = (100.0 * float(np.linalg.norm(part[joints])) / size for part in parts)
             found.append((error, noise))
         return max(found, key=lambda one: one[0] ** 2 - one[1] ** 2)
 
