@@ -93,3 +93,12 @@ def test_the_json_has_the_number_that_decides() -> None:
     assert data["level"] == "care"
     assert data["prediction"]["value"] == pytest.approx(30.0, rel=1e-2)
     assert set(data["prediction"]) == {"answer", "reason", "value", "unit", "limit"}
+
+
+@pytest.mark.parametrize(("hidden", "level"), [(9.0, "usable"), (11.0, "care")])
+def test_what_noise_may_hide_decides_like_an_error(hidden: float, level: str) -> None:
+    found = judged(50.0, noise_percent=50.0, resolution_percent=hidden)
+    assert (found.level, found.prediction.value) == (level, hidden)
+    # A model error that stands out of the noise is told as it is.
+    plain = judged(50.0, noise_percent=48.0, resolution_percent=hidden)
+    assert plain.prediction.value == pytest.approx(14.0)
