@@ -276,7 +276,7 @@ class TowardPublished(least_squares.Estimator):
         return replace(
             fit,
             # The bodies are off by what real ones are, not by what the weight would say.
-            prior_precision=pull @ pull.T,
+            score_covariance=pull @ pull.T,
             choices=(f"inertias toward {word} with weight {self.weight:.2g}",),
         )
 
@@ -316,7 +316,7 @@ class BayesianRegression(least_squares.Estimator):
             weights=tempered,
             noise=least_squares.residual_noise(factors, values, problem),
             information=information,
-            prior_precision=root.T @ root,
+            score_covariance=root.T @ root,
             choices=(
                 f"prior of {100 * relative:g} % on published inertias",
                 f"likelihood tempered by {inflation:.2g} for correlated residuals",

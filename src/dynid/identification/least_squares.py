@@ -60,7 +60,7 @@ class Fit(Value):
     """(n, N) further weights of single rows, for robust estimators."""
     standard: StandardFit | None = None
     """Standard parameters, from estimators that find them."""
-    prior_precision: Array | None = None
+    score_covariance: Array | None = None
     """(r, r) covariance of scores besides those of the residuals: the precision of a Gaussian prior
     that is part of the information, or what an estimator may be off by itself."""
     choices: tuple[str, ...] = ()
@@ -321,7 +321,7 @@ class TotalLeastSquares(Estimator):
             plain,
             values=values,
             noise=residual_noise(factors, values, problem),
-            prior_precision=np.outer(moved, moved),
+            score_covariance=np.outer(moved, moved),
         )
 
 

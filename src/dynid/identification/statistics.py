@@ -260,8 +260,8 @@ def sandwich(fit: Fit, bread: Array, long_run: Array, rows: int, lag: int, floor
     freedom = rows / max(rows - len(fit.values) / len(fit.noise), 1.0)
     short = 1.0 / max(1.0 - 2.0 * lag / rows, 0.5)
     covariance *= freedom * short
-    if fit.prior_precision is not None:
-        covariance += bread @ fit.prior_precision @ bread
+    if fit.score_covariance is not None:
+        covariance += bread @ fit.score_covariance @ bread
     # Sums over few independent stretches fall short: never below the parametric answers.
     # What no torque depends on has the variance of the prior: no scores, no sums to raise.
     unseen = np.diag(covariance) <= UNSEEN * floor
