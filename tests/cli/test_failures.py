@@ -197,6 +197,13 @@ def test_a_full_disk_behind_stdout_is_said() -> None:
     assert "Traceback" not in done.stderr
 
 
+def test_streams_that_are_closed_fail_no_job() -> None:
+    done = subprocess.run(
+        ["sh", "-c", f"{sys.executable} -m dynid analyze ur5 <&- >&- 2>&-"], check=False
+    )
+    assert done.returncode == 0
+
+
 def test_a_terminal_that_closes_fails_no_job(monkeypatch: pytest.MonkeyPatch) -> None:
     """A whole recording had exit code 1, where the terminal closed and SIGHUP was ignored."""
     there, here = os.openpty()
