@@ -20,7 +20,7 @@ def residuals(record: dynid.ExperimentRecord, push: float = 0.0) -> np.ndarray:
 
 
 quiet = residuals(free)
-limits = dynid.contact_thresholds([quiet], [free.signals["qd"]])
+limits = dynid.contact_thresholds([quiet], [free.signals["qd"]], rate_hz=125.0, bandwidth=20.0)
 for push in (0.0, 10.0):
     found = residuals(pushed, push)
     alarms = limits.contacts(found, pushed.signals["qd"])

@@ -166,6 +166,21 @@ def test_thresholds_learn_from_each_speed_apart() -> None:
     assert found.contacts(np.array([[15.0, 0.0]]), np.array([[-0.6, 1.0]]))[0, 0]
 
 
+@pytest.mark.parametrize(("rate_hz", "bandwidth"), [(125.0, 50.0), (1000.0, 50.0), (500.0, 20.0)])
+def test_friction_of_a_reversal_raises_no_threshold_of_fast_joints(
+    rate_hz: float, bandwidth: float
+) -> None:
+    """At 500 Hz those of a UR5 were four times those at 125 Hz."""
+    since = np.arange(4 * rate_hz)[:, None] % (rate_hz // 2) / rate_hz
+    speed, residual = np.array([1.0 * (since > 0), np.exp(-bandwidth * since)], dtype=np.float64)
+    found = contact_thresholds(
+        [residual], [speed], rate_hz=rate_hz, bandwidth=bandwidth, margin=1.0
+    )
+    assert found.limits[0, 0] > 0.9
+    assert found.limits[-1, 0] < np.exp(-2.5)
+    assert found.contacts([[0.2]] * 200, [[1.0]] * 200).all()
+
+
 def test_stored_thresholds_are_those_that_were_learned() -> None:
     free = contact_thresholds([np.ones((200, 6))], [np.ones((200, 6))])
     limits = np.array(free.limits)
@@ -193,6 +208,8 @@ def test_refuses_nonsense(estimate: Estimate) -> None:
         contact_thresholds([zero], [zero])
     with pytest.raises(InputError, match="quantile"):
         contact_thresholds([zero], [zero], quantile=1.0)
+    with pytest.raises(InputError, match="rate"):
+        contact_thresholds([zero], [zero], rate_hz=0.0)
     free = contact_thresholds([np.ones((200, 6))], [np.ones((200, 6))])
     assert free.contacts([[3.0] * 6], [[1.0] * 6]).all()
     for wrong in ([1.0] * 6, np.zeros((2, 6))):

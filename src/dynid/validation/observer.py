@@ -8,7 +8,7 @@ from numbers import Real
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, Mask, Value, freeze, frozen, read_only
+from dynid.core import Array, InputError, Mask, Value, freeze, frozen, read_only, scipy_part
 from dynid.identification import Estimate, EstimateLike, open_estimate
 from dynid.recording import RecordLike, open_record
 from dynid.regressor import FrictionTerms, InverseDynamicModel, torque_adjoint
@@ -18,8 +18,9 @@ BANDWIDTH = 50.0
 """Of the residual [1/s]: a step of torque is seen to 92 % after 50 ms."""
 SPEEDS = (0.0, 0.05, 0.1, 0.2, 0.5)
 """Speeds at which thresholds change [rad/s or m/s]."""
-MEMORY = 8
-"""Samples: three time constants of the residual at 125 Hz."""
+RATE_HZ = 125.0
+MEMORY = 3.0
+"""Time constants of the residual after which it has forgotten what was."""
 QUANTILE = 0.9999
 MARGIN = 2.0
 """Thresholds over the quantile: what ten minutes bring that one record did not."""
@@ -44,6 +45,8 @@ class ContactThresholds(Value):
     """(b, n) thresholds, never rising with the speed [N.m or N]."""
     samples: int
     """N, samples of free motion they come from."""
+    memory: int = round(MEMORY * RATE_HZ / BANDWIDTH)
+    """Samples that a joint must have been as fast: so long the residual holds what was."""
 
     def __post_init__(self) -> None:
         freeze(self, speeds=(None,))
@@ -57,7 +60,7 @@ class ContactThresholds(Value):
         """
         joints = self.limits.shape[1]
         size = np.abs(frozen(residual, shape=(None, joints), name="residual", finite=False))
-        speed = recent_speed(frozen(dq, shape=size.shape, name="dq", finite=False))
+        speed = recent_speed(frozen(dq, shape=size.shape, name="dq", finite=False), self.memory)
         row = np.searchsorted(self.speeds, speed, side="right") - 1
         return size > self.limits[row, np.arange(joints)]
 
@@ -141,8 +144,8 @@ class MomentumObserver:
     def of_record(self, record: RecordLike) -> tuple[Array, Array]:
         """Residuals and velocities, each (N, n), of a recording as it would be seen live.
 
-        Nothing is filtered and nothing from later is used. Without recorded velocities they are
-        differences of positions, which makes the residual noisy.
+        Nothing is filtered. Without recorded velocities they are differences of the positions
+        before and after, which makes the residual noisy.
 
         Args:
             record: The recording or its file.
@@ -164,6 +167,8 @@ def contact_thresholds(
     residuals: Sequence[Array],
     velocities: Sequence[Array],
     *,
+    rate_hz: float = RATE_HZ,
+    bandwidth: float = BANDWIDTH,
     noise: ArrayLike = 0.0,
     quantile: float = QUANTILE,
     margin: float = MARGIN,
@@ -173,6 +178,8 @@ def contact_thresholds(
     Args:
         residuals: One (N, n) a recording, from `MomentumObserver`.
         velocities: One (N, n) a recording.
+        rate_hz: Of the samples.
+        bandwidth: Of the residuals [1/s].
         noise: (n) `Estimate.noise` [N.m or N]: no threshold is below three of it, however well
             this motion was predicted.
         quantile: Of the residuals' size that must stay below, before the margin.
@@ -180,17 +187,20 @@ def contact_thresholds(
 
     Raises:
         InputError: Too few samples, shapes that disagree, a quantile outside (0, 1), a margin
-            below 1.
+            below 1, a rate or a bandwidth that is not positive.
     """
     if not (0.0 < quantile < 1.0 and margin >= 1.0):
         raise InputError("quantile in (0, 1) and margin of at least 1", value=(quantile, margin))
+    if not (0.0 < rate_hz < math.inf and 0.0 < bandwidth < math.inf):
+        raise InputError("rate and bandwidth must be positive", value=(rate_hz, bandwidth))
+    memory = max(1, round(MEMORY * rate_hz / bandwidth))
     known = [frozen(one, shape=(None, None), name="residuals") for one in residuals]
     moved = [frozen(one, shape=(None, None), name="velocities") for one in velocities]
     joints = {one.shape[1] for one in known}
     if len(joints) != 1 or [one.shape for one in known] != [one.shape for one in moved]:
         value = [one.shape for one in known], [one.shape for one in moved]
         raise InputError("residuals and velocities of the same samples and joints", value=value)
-    size, speed = np.abs(np.vstack(known)), np.vstack([recent_speed(one) for one in moved])
+    size, speed = np.abs(np.vstack(known)), np.vstack([recent_speed(one, memory) for one in moved])
     least = frozen(noise, shape=() if np.ndim(noise) == 0 else tuple(joints), name="noise")
     if len(size) < _LEAST_SAMPLES:
         raise InputError("samples of free motion", value=len(size), limit=_LEAST_SAMPLES)
@@ -207,18 +217,19 @@ def contact_thresholds(
             limits[row, joint] = margin * np.quantile(size[chosen, joint], quantile)
     limits = np.maximum(limits, _LEAST_NOISE * least)
     falling = np.maximum.accumulate(limits[::-1])[::-1]
-    return ContactThresholds(speeds=np.array(SPEEDS), limits=falling, samples=len(size))
+    return ContactThresholds(
+        speeds=np.array(SPEEDS), limits=falling, samples=len(size), memory=memory
+    )
 
 
-def recent_speed(dq: Array) -> Array:
-    """(N, n) the slowest that each joint was in the last `MEMORY` samples, for dq (N, n).
+def recent_speed(dq: Array, memory: int) -> Array:
+    """(N, n) the slowest that each joint was in the last so many samples, for dq (N, n).
 
     A residual remembers: after a reversal it still holds what friction did in it.
     """
-    size = np.abs(dq)
-    slowest = size.copy()
-    for ago in range(1, min(MEMORY, len(size))):
-        slowest[ago:] = np.minimum(slowest[ago:], size[:-ago])
+    lowest = scipy_part("ndimage").minimum_filter1d
+    # The window ends with the sample.
+    slowest: Array = lowest(np.abs(dq), memory, axis=0, mode="nearest", origin=(memory - 1) // 2)
     return slowest
 
 
