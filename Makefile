@@ -72,7 +72,7 @@ lint: develop
 	$(BIN)/codespell $(PATHS)
 
 types: develop
-	$(ASIDE) $(BIN)/pyright --warnings
+	$(ASIDE) $(BIN)/pyright --warnings --pythonpath $(BIN)/python
 
 floors: develop
 	$(BIN)/lint-imports

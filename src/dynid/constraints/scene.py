@@ -196,7 +196,7 @@ def _facing(point: Array, normal: Array) -> Array:
         raise InputError("'normal' has no length", value=normal.tolist())
     z = normal / length
     side = np.eye(3)[int(np.argmin(np.abs(z)))]
-    x = side - (side @ z) * z
+    x: Array = side - (side @ z) * z
     return from_axes(x / np.linalg.norm(x), z, point)
 
 

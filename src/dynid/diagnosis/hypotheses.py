@@ -215,10 +215,10 @@ def _payload_change(ref: Reference, values: Array) -> Hypothesis:
     body, carried = _at_the_flange(ref)
     width, error = carried * np.array([1.0, *[LEVER_M] * 3]), ref.left(values)
     own, rows = 1 / np.maximum(np.square(error).mean(axis=1), 1e-12), error.shape[1]
-    square = np.einsum("ajt,bjt,j->tab", body[:4], body[:4], own)[::-1].cumsum(axis=0)[::-1]
-    cross = np.einsum("ajt,jt,j->ta", body[:4], error, own)[::-1].cumsum(axis=0)[::-1]
+    square: Array = np.einsum("ajt,bjt,j->tab", body[:4], body[:4], own)[::-1].cumsum(axis=0)[::-1]
+    cross: Array = np.einsum("ajt,jt,j->ta", body[:4], error, own)[::-1].cumsum(axis=0)[::-1]
     square += np.diag(1 / np.square(width))
-    solved: Array = np.asarray(np.linalg.solve(square, cross[:, :, None]), dtype=np.float64)
+    solved = np.linalg.solve(square, cross[:, :, None])
     # A block at least lies on either side.
     starts = slice(rows // BLOCKS, rows - rows // BLOCKS)
     first = starts.start + int(np.argmax(np.sum(cross * solved[:, :, 0], axis=1)[starts]))

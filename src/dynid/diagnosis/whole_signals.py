@@ -102,7 +102,7 @@ def doubtful(ref: Reference, values: Array) -> bool:
     away[10 * n :] = 0.0
     strange = 0.5 * float(away @ ref.precision @ away) > STRANGE * n
     drives = friction_power(ref, values).min() < LEAST_POWER
-    return strange or drives or float(_share(ref, values).max()) > POOR
+    return bool(strange or drives) or float(_share(ref, values).max()) > POOR
 
 
 def friction_power(ref: Reference, values: Array) -> Array:
@@ -317,8 +317,9 @@ class _Plain:
         noise, values = energy / rows + 1e-18, mean
         for _ in range(SWEEPS):
             weights = counts / rows / noise
-            matrix = np.tensordot(weights, of.square, axes=1) + precision
-            values = np.asarray(np.linalg.solve(matrix, weights @ cross + pulled), np.float64)
+            matrix: Array = np.tensordot(weights, of.square, axes=1) + precision
+            pull: Array = weights @ cross + pulled
+            values = np.linalg.solve(matrix, pull)
             left = energy - 2 * cross @ values + (of.square @ values) @ values
             noise = np.maximum(left / rows, 1e-8 * energy / rows + 1e-18)
         away = values - mean

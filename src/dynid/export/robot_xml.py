@@ -40,7 +40,7 @@ def upright(gravity: Array) -> Array:
     if z[2] > 1.0 - 1e-15:
         return np.eye(3)
     helper = np.eye(3)[0] if abs(z[0]) < 0.9 else np.eye(3)[1]
-    across = helper - (helper @ z) * z
+    across: Array = helper - (helper @ z) * z
     x = across / float(np.linalg.norm(across))
     return np.array([x, np.cross(z, x), z], dtype=np.float64)
 

@@ -168,8 +168,8 @@ class ClosedLoop:
             believed = _mass(torque[3 * count :], gravity)
         slope = np.maximum((nudged - bias) / NUDGE, 0.0)
         # The servo's torque is mass times wanted plus the planned bias.
-        implicit = mass + step * slope[:, :, None] * np.eye(joints)
-        push = np.einsum("bij,bj->bi", believed, wanted) + planned - bias
+        implicit: Array = mass + step * slope[:, :, None] * np.eye(joints)
+        push: Array = np.einsum("bij,bj->bi", believed, wanted) + planned - bias
         found = np.asarray(np.linalg.solve(implicit, push[:, :, None]), dtype=np.float64)
         return found[:, :, 0]
 

@@ -291,7 +291,8 @@ def _noise(factors: Array, solution: SharedSolution, blocks: Array, scale: Array
     records, own = solution.own.shape
     found = np.empty(scale.shape)
     for k in range(records):
-        norms = np.linalg.norm(factors[k] @ np.append(solution.local(k), -1.0), axis=1)
+        left: Array = factors[k] @ np.append(solution.local(k), -1.0)
+        norms = np.linalg.norm(left, axis=1)
         used = own + len(solution.shared) * blocks[k] / blocks.sum()
         found[k] = norms / np.sqrt(max(blocks[k] - used / scale.shape[1], 1.0))
     # A joint that fits to rounding would get an infinite weight.

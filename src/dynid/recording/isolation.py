@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dynid.core import (
     DynidError,
@@ -254,11 +255,13 @@ def _unpack(answer: dict[str, Any], stream: IO[bytes]) -> Read | None:
     if not answer["own"]:
         facts["t"] = None
     for name, kind, shape in answer["arrays"]:
-        size = math.prod(shape) * np.dtype(kind).itemsize
+        dtype: np.dtype[Any] = np.dtype(kind)
+        size = math.prod(shape) * dtype.itemsize
         data = stream.read(size)
         if len(data) < size:
             return None
-        value = np.frombuffer(data, dtype=kind).reshape(shape)
+        value: NDArray[Any] = np.frombuffer(data, dtype=dtype)
+        value = value.reshape(tuple[int, ...](shape))
         group, slash, key = name.partition("/")
         if slash:
             facts[group][key] = value

@@ -134,7 +134,7 @@ def _first_come(columns: Array, tolerance: float) -> list[int]:
     """
     basis, chosen = np.zeros_like(columns), list[int]()
     for j, column in enumerate(columns.T):
-        rest = column
+        rest: Array = column
         for _ in range(2):
             rest = rest - basis @ (rest @ basis)
         size = float(np.linalg.norm(rest))

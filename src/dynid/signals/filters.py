@@ -20,7 +20,8 @@ def derivative(values: Array, rate_hz: float, method: str, cutoff_hz: float) -> 
         half = max(2, int(0.5 * rate_hz / cutoff_hz))
         width = min(2 * half + 1, len(values) - 1 + len(values) % 2)
         savgol = scipy_part("signal").savgol_filter
-        return np.asarray(savgol(values, width, 3, deriv=1, delta=1.0 / rate_hz, axis=0))
+        slope: Array = savgol(values, width, 3, deriv=1, delta=1.0 / rate_hz, axis=0)
+        return slope
     # Differences of second order lose 0.3 % of a 2.5 Hz motion at 125 Hz.
     slope = np.gradient(values, 1.0 / rate_hz, axis=0, edge_order=2)
     if len(values) >= 5:
@@ -219,7 +220,7 @@ def torque_end(signals: UniformSignals) -> float:
 def _levels(torque: Array) -> Array:
     """(f, n) power of each line over the strongest line of its joint; ones where it has none."""
     share = np.arange(len(torque), dtype=np.float64)[:, None] / max(len(torque) - 1, 1)
-    level = torque - torque[0] - share * (torque[-1] - torque[0])
+    level: Array = torque - torque[0] - share * (torque[-1] - torque[0])
     tapered = level * np.hanning(len(torque))[:, None]
     power = np.square(np.abs(np.fft.rfft(tapered, axis=0)))
     strongest = power.max(axis=0)

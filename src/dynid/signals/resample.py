@@ -153,7 +153,8 @@ def linear(t: Array, values: Array, grid: Array) -> Array:
 
 
 def _cubic(t: Array, values: Array, grid: Array) -> Array:
-    return np.asarray(scipy_part("interpolate").PchipInterpolator(t, values, axis=0)(grid))
+    between: Array = scipy_part("interpolate").PchipInterpolator(t, values, axis=0)(grid)
+    return between
 
 
 REPEAT_TOLERANCE = 0.01

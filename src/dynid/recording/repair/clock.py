@@ -184,18 +184,19 @@ def _moves_on(share: Array, q: Array, ticks: Array, k: int) -> bool:
     before, after = q[max(k - _SIDE, 0) : k + 1], q[k + 1 : k + 2 + _SIDE]
     if min(len(before), len(after)) < 3:
         return False
-    speeds = [
+    speeds: list[Array] = [
         (rows[-1] - rows[0]) / float(ticks[start : start + len(rows) - 1].sum())
         for rows, start in ((before, max(k - _SIDE, 0)), (after, k + 1))
     ]
-    expected = 0.5 * (speeds[0] + speeds[1]) * ticks[k]
+    expected: Array = 0.5 * (speeds[0] + speeds[1]) * ticks[k]
     size = float(np.linalg.norm(expected))
     rough = max(
         float(np.abs(np.diff(rows, 2, axis=0)).mean(axis=0).max(initial=0.0))
         for rows in (before, after)
     )
-    turned = float(np.linalg.norm(speeds[1] - speeds[0])) * float(ticks[k])
-    miss = float(np.linalg.norm(q[k + 1] - q[k] - expected))
+    turn: Array = speeds[1] - speeds[0]
+    off: Array = q[k + 1] - q[k] - expected
+    turned, miss = float(np.linalg.norm(turn) * ticks[k]), float(np.linalg.norm(off))
     return size > max(4 * rough, 1e-7) and max(miss, turned) < _EVEN * size
 
 
