@@ -73,11 +73,7 @@ def test_all_passes_run_and_the_last_is_recorded() -> None:
 @pytest.mark.parametrize(("before", "name"), [(0, "slow"), (1, "warm-up")])
 def test_a_stop_before_the_recording_ends_the_run(before: int, name: str) -> None:
     driver = Scripted([*[None] * before, STOP])
-
-    def open_recorder() -> AbstractContextManager[Recorder]:
-        raise AssertionError("nothing is recorded")
-
-    result = run(PLAN, driver, open_recorder)
+    result = run(PLAN, driver, lambda: nullcontext(Notes()))
     assert result.stopped_in == name
     assert result.outcome.abort == STOP
     assert result.outcome.samples == 0
@@ -96,12 +92,15 @@ def test_a_disk_that_refuses_the_note_hides_no_cause() -> None:
     assert result.outcome.abort == STOP
 
 
-def test_an_error_before_the_motion_stays_an_error() -> None:
+def test_what_cannot_be_recorded_is_told_before_anything_moves() -> None:
+    driver = Scripted([])
+
     def open_recorder() -> AbstractContextManager[Recorder]:
         raise JobError("the recording cannot be started")
 
     with pytest.raises(JobError, match="cannot be started"):
-        run(PLAN, Scripted([None, None, None]), open_recorder)
+        run(PLAN, driver, open_recorder)
+    assert not driver.seen
 
 
 def test_a_stop_before_the_second_sample_is_a_stop(tmp_path: Path) -> None:

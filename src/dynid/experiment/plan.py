@@ -260,7 +260,7 @@ def run(
     Args:
         plan: What to do.
         driver: What moves the robot.
-        open_recorder: Starts the recording; called once, before the recorded pass moves.
+        open_recorder: Starts the recording; called once, before anything moves.
         cancel: Stops the robot when it is set.
         progress: Told what is being done and how far it is (0 to 1).
 
@@ -271,25 +271,28 @@ def run(
         InputError: A motion that does not fit the robot.
         JobError: The robot cannot be reached, or the recording cannot be started.
     """
-    *before, last = plan.passes()
-    for step in before:
-        outcome = driver.execute(step.execution, None, cancel=cancel, progress=progress)
-        if outcome.abort is not None:
-            # Nothing of it was to be recorded.
-            return RunResult(outcome=replace(outcome, samples=0, periods=0), stopped_in=step.name)
-    outcome: Outcome | None = None
+    *_, last = passes = plan.passes()
+    step, outcome, over = last, Outcome(samples=0, periods=0, gaps=0), False
     try:
+        # Before the arm warms up for half an hour: that the disk is full is known now.
         with open_recorder() as recorder:
-            outcome = driver.execute(last.execution, recorder, cancel=cancel, progress=progress)
-            abort = outcome.abort
+            for step in passes:
+                kept = recorder if step is last else None
+                outcome = driver.execute(step.execution, kept, cancel=cancel, progress=progress)
+                if outcome.abort is not None:
+                    break
+            over, abort = True, outcome.abort
             # What refuses the rows may refuse this too.
             if abort is not None and abort.code != "recording":
                 text = f"aborted after {outcome.samples} samples: {abort.message}"
                 recorder.report(Finding("aborted", text))
     except DynidError as error:
-        # Before the motion it is an error; after it, the end of the recording was refused.
-        if outcome is None:
+        # After the motion the end of the recording was refused.
+        if not over:
             raise
         refused = Abort("recording", error.changed(next_step=None).line, error.next_step)
         outcome = replace(outcome, abort=outcome.abort or refused)
-    return RunResult(outcome=outcome, stopped_in=None if outcome.abort is None else "run")
+    if step is not last:
+        # Nothing of it was to be recorded.
+        outcome = replace(outcome, samples=0, periods=0)
+    return RunResult(outcome=outcome, stopped_in=None if outcome.abort is None else step.name)
