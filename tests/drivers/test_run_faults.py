@@ -97,6 +97,8 @@ class Fault:
         record = read_record(self.record)
         assert 10 < record.samples < REPEAT * CYCLES
         np.testing.assert_allclose(np.diff(record.t), CYCLE_S, rtol=0, atol=1e-9)
+        # The motion alone, none of the braking.
+        np.testing.assert_array_equal(record.channels["index"], np.arange(record.samples))
         assert record.metadata.extra["period_s"] == "2.0"
         assert any("aborted" in notice.message for notice in record.problems)
         assert "aborted" in record.metadata.extra

@@ -80,7 +80,7 @@ class Pump(threading.Thread):
     ) -> None:
         super().__init__(name="dynid-rtde", daemon=True)
         self.rows: deque[Numbers] = deque()
-        """Packages since the first set point, oldest first."""
+        """Packages from the first set point to the last one or a stop, oldest first."""
         self.over = threading.Event()
         """Set when no more packages will come."""
         self.abort: Abort | None = None
@@ -144,7 +144,8 @@ class Pump(threading.Thread):
         self._begun = self._begun or self._conversation.begun(cycle, numbers)
         if self.abort is None:
             self._answer(cycle, numbers)
-        if self._begun and cycle.index >= 0:
+        # How a stop brakes is no part of the motion.
+        if self._begun and cycle.index >= 0 and self.abort is None:
             self.rows.append(numbers)
             if len(self.rows) > self._backlog:
                 self.stop(Abort("recording", "the recording cannot keep up with the robot"))
