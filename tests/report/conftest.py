@@ -24,6 +24,9 @@ def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for seed, name in ((1, "identification"), (2, "validation")):
         series = dynid.random_excitation(robot.limits, seed=seed)
         record = dynid.simulate_recording(robot, series, periods=1, seed=seed)
+        # As of a run of three periods that was stopped in the third.
+        planned = {"periods": "3", "period_s": repr(0.4 * series.duration)}
+        record = replace(record, metadata=replace(record.metadata, extra=planned))
         dynid.write_record(record, folder / f"{name}.parquet")
         records.append(dynid.read_record(folder / f"{name}.parquet"))
         links = arm.truth.standard_parameters_at(25.0)

@@ -45,6 +45,12 @@ def test_the_answer_comes_first_and_is_the_one_of_identify(page: Page) -> None:
     assert path.stat().st_size < MAX_BYTES
 
 
+def test_periods_are_those_that_were_recorded(page: Page) -> None:
+    for item in page[1].estimates:
+        for told in (item.conditions, item.tested):
+            assert [word for word in told if "period" in word] == ["2 periods"]
+
+
 def test_numbers_are_those_of_the_estimate(page: Page, finished_run: Path) -> None:
     path, contents = page
     text = visible(path.read_text())

@@ -186,9 +186,12 @@ def _reported_estimate(
 def _conditions(record: ExperimentRecord) -> tuple[str, ...]:
     """What a recording is, in words: how long, how fast, how often, how warm, what it carries."""
     extra = record.metadata.extra
-    words = [f"{record.t[-1] - record.t[0]:.0f} s", f"{record.rate_hz:.0f} Hz"]
-    if int(extra.get("periods", "1") or 1) > 1:
-        words.append(f"{extra['periods']} periods")
+    lasted = float(record.t[-1] - record.t[0])
+    words = [f"{lasted:.0f} s", f"{record.rate_hz:.0f} Hz"]
+    # Those that were asked for, unless it was stopped before.
+    periods = int((lasted + 1.5 / record.rate_hz) / float(extra.get("period_s", "inf")))
+    if periods > 1:
+        words.append(f"{periods} periods")
     known = record.signals.get("temperature")
     if known is not None:
         words.append(f"joints at {float(np.mean(known)):.0f} °C")
