@@ -29,7 +29,7 @@ START_S = 10.0
 BACKLOG_S = 60.0
 """Controller time by which the recorder may fall behind [s]: about 80 MB at 500 Hz."""
 STOP_S = 3.0
-"""Controller time after a stop for which packages are still read [s]."""
+"""Controller time after a stop, or the last sample, for which packages are still read [s]."""
 _REFUSED = "Switch on remote control, and allow the secondary interface (port 30002), there."
 _STILL = 1e-9
 """Target velocities below this are rest [rad/s]."""
@@ -149,13 +149,15 @@ class Pump(threading.Thread):
             self.rows.append(numbers)
             if len(self.rows) > self._backlog:
                 self.stop(Abort("recording", "the recording cannot keep up with the robot"))
+        if self.abort is None and not self._watchdog.finished:
+            return
+        # Another program may have taken the robot over, which need never end.
+        self._after -= 1
+        over = self._conversation.over(cycle, numbers)
         if self.abort is not None:
-            self._after -= 1
             speed = max(map(abs, numbers[self._layout.places["target_qd"]]))
-            still = speed < _STILL and cycle.runtime_state != RuntimeState.PLAYING
-            self._ended = still or self._after <= 0
-        elif self._watchdog.finished:
-            self._ended = self._conversation.over(cycle, numbers)
+            over = speed < _STILL and cycle.runtime_state != RuntimeState.PLAYING
+        self._ended = over or self._after <= 0
 
     def _answer(self, cycle: Cycle, numbers: Numbers) -> None:
         try:
