@@ -7,8 +7,10 @@ import json
 import os
 import signal
 import threading
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ import pytest
 from dynid.bench import urdf
 from dynid.cli.app import main
 from dynid.core import InputError, JobError, provenance
+from dynid.drivers import Abort, Outcome, SimulatedDriver
 from dynid.recording import read_record
 from dynid.robot import load_robot
 from dynid.settings import IdentifySettings, options_of, parse_thermal
@@ -198,6 +201,24 @@ def test_ctrl_c_keeps_the_record(
     assert 10 < record.samples < 100 * CYCLES
     assert record.metadata.extra["aborted"] == "it was interrupted"
     assert [finding.kind for finding in record.problems] == ["aborted"]
+
+
+def test_a_stop_after_the_last_sample_leaves_its_periods_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    execute = SimulatedDriver.execute
+
+    def stopped(self: SimulatedDriver, *args: Any, **more: Any) -> Outcome:
+        outcome = execute(self, *args, **more)
+        return replace(outcome, abort=Abort("safety", "somebody pressed the emergency stop"))
+
+    monkeypatch.setattr(SimulatedDriver, "execute", stopped)
+    cycles = 2007
+    series = rest_series(16.056, MIDDLE, np.zeros((6, 4)))
+    assert series.duration * 125.0 > cycles, "the product is rounded up"
+    asked = RunSettings(robot="ur5", repeat=1)
+    outcome = run_design(series, tmp_path / "run.parquet", settings=asked).result.outcome
+    assert (outcome.samples, outcome.periods) == (cycles, 1)
 
 
 def test_a_run_that_is_stopped_at_once_leaves_nothing(design: Path, tmp_path: Path) -> None:

@@ -438,8 +438,6 @@ def _execute(
         if opened and opened[0].saved_samples < 2:
             # One row is no recording: nothing is kept, and nothing lies about.
             partial_path(path).unlink(missing_ok=True)
-    if not opened:
-        return Run(result=result, record=None, design=loaded)
     # What was appended need not have been written: the disk is what counts.
     record = opened[0].record_path
     samples = opened[0].saved_samples if record.exists() else 0
@@ -447,7 +445,7 @@ def _execute(
     if abort is not None:
         if samples >= 2 and record.suffix == path.suffix:
             _mark_aborted(record, abort)
-        whole = int(samples / (plan.trajectory.duration * plan.rate_hz))
+        whole = samples // round(plan.trajectory.duration * plan.rate_hz)
         outcome = replace(outcome, samples=samples, periods=min(outcome.periods, whole))
     return Run(
         result=replace(result, outcome=outcome),
