@@ -178,11 +178,11 @@ def test_rows_whose_file_or_folder_was_removed_are_kept(tmp_path: Path, removed:
     assert os.listdir(path.parent) == ["run.parquet"]
 
 
-def test_too_short_a_run_keeps_its_partial_file(tmp_path: Path) -> None:
+def test_too_short_a_run_leaves_nothing(tmp_path: Path) -> None:
     path = tmp_path / "run.parquet"
     with pytest.raises(RecordError, match="two samples"), open_writer(path) as writer:
         fill(writer, 1)
-    assert partial_path(path).exists()
+    assert not list(tmp_path.iterdir())
 
 
 def test_an_error_in_the_run_is_not_hidden_and_rows_are_saved(tmp_path: Path) -> None:

@@ -195,7 +195,7 @@ class RecordWriter:
         """Turn the rows into the Parquet file.
 
         Raises:
-            RecordError: Fewer than two samples; the partial file stays.
+            RecordError: Fewer than two samples; nothing stays.
             JobError: The file cannot be written; the partial file stays.
         """
         if self._file is None:
@@ -210,6 +210,9 @@ class RecordWriter:
             self._disk.shutdown(wait=True)
             os.close(self._file)
             self._file = None
+            if self._saved < 2:
+                # One row is no recording.
+                self._partial.unlink(missing_ok=True)
         stands = self.path.exists() and (self._aborted or not self._force)
         why = "aborted" if self._aborted else "new"
         beside = free_name(self.path, f"{self.path.stem}.{why}-", self.path.suffix)

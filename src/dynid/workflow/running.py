@@ -40,7 +40,6 @@ from dynid.recording import (
     ExperimentRecord,
     RecordMetadata,
     RecordWriter,
-    partial_path,
     read_record,
     write_record,
 )
@@ -432,12 +431,7 @@ def _execute(
         )
         return opened[0]
 
-    try:
-        result = run(plan, driver, open_recorder, cancel=cancel, progress=progress)
-    finally:
-        if opened and opened[0].saved_samples < 2:
-            # One row is no recording: nothing is kept, and nothing lies about.
-            partial_path(path).unlink(missing_ok=True)
+    result = run(plan, driver, open_recorder, cancel=cancel, progress=progress)
     # What was appended need not have been written: the disk is what counts.
     record = opened[0].record_path
     samples = opened[0].saved_samples if record.exists() else 0
