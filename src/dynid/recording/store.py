@@ -96,10 +96,21 @@ def recover(path: Path, file: int | None = None, *, finished: bool = False) -> E
     record = found.record(list(table.T))
     if finished:
         return record
-    used = len(MARK) + sum(_HEAD.size + len(part) for _, part in segments)
+    used = _size(segments)
     lost = f", {len(data) - used} bytes after them are lost" if len(data) > used else ""
     message = f"the recording was interrupted; {record.samples} samples were kept{lost}"
     return replace(record, problems=(*record.problems, Finding("truncated_file", message)))
+
+
+def _is_empty(data: bytes) -> bool:
+    """Whether these bytes are a recording in progress, undamaged and without a row."""
+    segments = list(_segments(data))
+    whole = data.startswith(MARK) and len(data) == _size(segments)
+    return whole and all(kind != b"R" for kind, _ in segments)
+
+
+def _size(segments: list[tuple[bytes, bytes]]) -> int:
+    return len(MARK) + sum(_HEAD.size + len(part) for _, part in segments)
 
 
 def _segments(data: bytes) -> Iterator[tuple[bytes, bytes]]:
@@ -115,7 +126,7 @@ def _segments(data: bytes) -> Iterator[tuple[bytes, bytes]]:
 
 
 def create_partial(path: Path) -> tuple[int, Path | None]:
-    """Create and lock a `.partial` file, open for writing; one that a crash left is renamed.
+    """Create and lock a `.partial` file, open for writing; rows that a crash left are renamed.
 
     Returns:
         The file, and where the one before is now; None where there was none.
@@ -129,8 +140,12 @@ def create_partial(path: Path) -> tuple[int, Path | None]:
         if path.exists():
             with path.open("rb") as old:
                 _lock(old.fileno(), path)
-            kept = free_name(path, f"{path.name}.")
-            os.rename(path, kept)
+                empty = _is_empty(old.read())
+            if empty:
+                path.unlink()
+            else:
+                kept = free_name(path, f"{path.name}.")
+                os.rename(path, kept)
         file = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o644)
     except OSError as error:
         raise JobError(
