@@ -34,6 +34,19 @@ def test_a_gain_shows_as_gravity_and_inertia(estimate: Estimate) -> None:
     assert set(json.loads(json.dumps(result.to_json()))["transfer"]) >= set(CAUSES)
 
 
+@pytest.mark.parametrize("encoder", [0.0, 1e-5])
+def test_what_a_pose_cannot_tell_from_an_offset_is_one(estimate: Estimate, encoder: float) -> None:
+    """Half of it was gravity's; with an encoder's noise, hundreds of N.m of one and the other."""
+    plain, rng = recording(Wrong(seed=9)), np.random.default_rng(1)
+    q = plain.signals["q"][:1] + encoder * rng.normal(size=plain.signals["q"].shape)
+    torque = estimate.predict(q, 0 * q, 0 * q) + [0.0, 1.0, 0.0] + 0.1 * rng.normal(size=q.shape)
+    still = replace(plain, signals={"q": q, "qd": 0 * q, "effort": torque})
+    found = validate(estimate, still).transfer
+    assert found is not None
+    assert found.rms[0] == pytest.approx([0.0, 1.0, 0.0], abs=0.05)
+    assert found.rms[1].max() < 0.05
+
+
 def test_a_gain_shows_so_where_motors_are_coupled(tmp_path: Path) -> None:
     robot = arm(tmp_path)
     coupling = np.diag([80.0, 80.0, 50.0])

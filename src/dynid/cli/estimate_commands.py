@@ -293,6 +293,7 @@ def validate_command(
 ) -> None:
     """Prediction error on another recording (paper 3.1)."""
     from dynid.diagnosis import with_rests
+    from dynid.figures import joint_unit
     from dynid.identification import open_estimate
     from dynid.validation import CAUSES, errors_by_kind
     from dynid.workflow import validate_files
@@ -329,7 +330,7 @@ def validate_command(
         split = result.transfer
         show.print_table(
             screen,
-            "Error by cause (RMS, N.m or N)",
+            f"Error by cause: RMS in {joint_unit('N.m', slides)}",
             ("joint", *CAUSES, "rest"),
             [
                 (str(j + 1), *(show.number(x, 3) for x in (*split.rms[:, j], split.rest[j])))

@@ -135,6 +135,7 @@ def gains_command(
     json: ask.JsonFlag = False,
 ) -> None:
     """Drive gains, from target currents and moments (UR)."""
+    from dynid.figures import joint_unit
     from dynid.workflow import identify_gains, open_records
 
     (opened,), model = open_records([record], robot)
@@ -154,7 +155,8 @@ def gains_command(
         for j, row in enumerate(data["gains"])
     ]
     columns = ("joint", "gain", "std", "robot's", "r2")
-    show.print_table(screen, "Drive gains [N.m/A]", columns, rows)
+    unit = joint_unit("N.m/A", model.prismatic)
+    show.print_table(screen, f"Drive gains [{unit}]", columns, rows)
     if all(row["gain"] is not None for row in data["gains"]):
         screen.print()
         screen.print("--gains " + ",".join(f"{row['gain']:.4f}" for row in data["gains"]))

@@ -22,6 +22,7 @@ from dynid.core import (
     plain,
     read_only,
     told,
+    upper_triangle,
 )
 from dynid.identification import (
     Estimate,
@@ -43,7 +44,7 @@ CORRELATION_S = 0.2
 _SLOWEST = 0.005
 """Speed below which a joint rests, however slow it was when it was identified [rad/s or m/s]."""
 _UNSEEN = 0.5
-"""Of what a friction parameter may change by: one that is no surer was not seen."""
+"""Of what a friction parameter may change by: one no surer was not seen."""
 _SMOOTH = 0.02
 """Smoothing velocity of the Coulomb shape, share of the joint's usual top speed."""
 
@@ -56,7 +57,7 @@ class TransferReport(Value):
     """(4, n) RMS of what each of `CAUSES` explains alone of the joint's error [N.m or N]."""
     share: Array
     """(2, n) of the model's gravity and of its inertial torque that is missing; NaN where a joint
-    has none."""
+    has none, or none that differs enough from an offset or friction in this record."""
     rest: Array
     """(n) RMS of what none explains [N.m or N]."""
 
@@ -79,6 +80,7 @@ def transfer_report(estimate: Estimate, samples: Samples, error: Array) -> Trans
     gravity = model.inverse_dynamics(samples.q, rest, rest, parameters)
     moving = model.inverse_dynamics(samples.q, samples.dq, samples.ddq, parameters) - gravity
     rows, fast = samples.rows, np.percentile(np.abs(samples.dq), 98, axis=0)
+    blocks = max(len(error) / (CORRELATION_S * samples.rate_hz), 1.0)
     rms, share, left = np.zeros((len(CAUSES), n)), np.full((2, n), np.nan), np.zeros(n)
     for j in range(n):
         dq = samples.dq[rows, j]
@@ -89,21 +91,25 @@ def transfer_report(estimate: Estimate, samples: Samples, error: Array) -> Trans
             dq,
             moving[rows, j],
         )
-        values, parts = _fit(columns, error[:, j])
-        causes = (parts[0], parts[1], parts[2] + parts[3], parts[4])
-        rms[:, j] = [float(np.sqrt(np.square(part).mean())) for part in causes]
+        values, parts = _fit(columns, error[:, j], blocks)
+        left[j] = np.sqrt(np.square(error[:, j] - sum(parts)).mean())
         share[:, j] = values[1], values[4]
-        left[j] = float(np.sqrt(np.square(error[:, j] - sum(parts)).mean()))
+        causes = (parts[0], parts[1], parts[2] + parts[3], parts[4])
+        rms[:, j] = np.sqrt(np.square(causes).mean(axis=1))
     return TransferReport(rms=rms, share=share, rest=left)
 
 
-def _fit(columns: tuple[Array, ...], error: Array) -> tuple[Array, list[Array]]:
-    """Factors of columns, NaN for those that are zero, and what each explains."""
-    stack = np.column_stack(columns)
+def _fit(columns: tuple[Array, ...], error: Array, blocks: float) -> tuple[Array, list[Array]]:
+    """Factors of columns, and their parts of an error with so many independent values.
+
+    NaN for a column too like those before it: its part would be less certain than the error.
+    """
+    stack = np.column_stack([*columns, error])
     size = np.linalg.norm(stack, axis=0)
-    seen = size > 1e-9 * max(float(size.max()), 1e-300)
-    values = np.full(stack.shape[1], np.nan)
-    values[seen] = np.linalg.lstsq(stack[:, seen] / size[seen], error, rcond=1e-6)[0] / size[seen]
+    apart = np.abs(np.diag(upper_triangle(stack / np.maximum(size, 1e-300))))
+    seen = (apart > max(apart[-1] / np.sqrt(blocks), 1e-6)) & (size > 1e-9 * size[:-1].max())
+    seen[-1], values = False, np.full(stack.shape[1] - 1, np.nan)
+    values[seen[:-1]] = np.linalg.lstsq(stack[:, seen] / size[seen], error)[0] / size[seen]
     return values, [np.nan_to_num(v) * column for v, column in zip(values, columns, strict=True)]
 
 
@@ -135,7 +141,6 @@ def refit_friction(estimate: Estimate, samples: Samples) -> Estimate:
     rest = (
         left.ravel() - (np.linalg.pinv(square, hermitian=True) @ (design @ left.ravel())) @ design
     )
-    # Residuals are correlated: fewer of them count.
     freedom = max(int(moves.sum()) / (CORRELATION_S * samples.rate_hz) - len(chosen), 1.0)
     noise = max(float(rest @ rest) / freedom, np.finfo(float).tiny)
     spread = _may_change(estimate, chosen)
