@@ -89,7 +89,8 @@ def record_statistics(item: IdentificationProblem) -> RecordStatistics:
     level = np.linalg.norm(factors[..., -1], axis=1)[None]
     local = _pooled(rest, np.maximum(level, 1e-9 * max(float(level.max()), 1e-9)))[0]
     values = np.tile(np.concatenate([np.zeros(own), local]), (alone.joints, 1))
-    for row, friction, place in zip(values, _friction(factors, local)[0], places, strict=True):
+    alone_, inertial, _ = _friction(factors, local)
+    for row, friction, place in zip(values, alone_ - inertial, places, strict=True):
         row[place] = friction[: len(place)]
     scores = np.zeros((alone.joints, widest, item.blocks))
     residual = np.empty((alone.joints, item.blocks))
@@ -163,7 +164,7 @@ def solve_robot(statistics: Sequence[RecordStatistics]) -> RobotStates:
         if settled:
             break
     shared, inverse, resolved = _pooled(rest, noise)
-    friction, gain = _friction(factors, shared)
+    whole, lever, gain = _friction(factors, shared)
     scores = np.array([one.scores for one in statistics])
     bread = gain @ gain.swapaxes(2, 3)
     naive = bread * np.square(noise)[..., None, None]
@@ -182,6 +183,12 @@ def solve_robot(statistics: Sequence[RecordStatistics]) -> RobotStates:
     scale = np.where(seen, (inertial * rest[..., -1]).sum(axis=2) / np.where(seen, power, 1), 1.0)
     inflation = trace[0] / np.maximum(trace[1], 1e-300)
     std = noise * np.sqrt(np.maximum(inflation, 1.0) / np.where(seen, power, np.nan))
+    # Friction goes with the inertias' torque as far as that scatters by more than its noise.
+    spread = np.maximum(np.nanmean(np.square(scale - 1.0) - np.square(std), axis=0), 0.0)
+    told = np.nan_to_num(spread / (spread + np.square(std)))
+    friction = whole - (1.0 + told * (scale - 1.0))[..., None] * lever
+    blur = (told * np.nan_to_num(std))[..., None] * lever
+    covariance = covariance + blur[..., :, None] * blur[..., None, :]
     return RobotStates(
         shared=shared,
         shared_std=np.where(resolved, _scatter(rest, noise, shared, inverse), np.nan),
@@ -216,12 +223,15 @@ def _pooled(rest: Array, noise: Array) -> tuple[Array, Array, Mask]:
     return inverse @ gram[:-1, -1], inverse, resolved
 
 
-def _friction(factors: Array, shared: Array) -> tuple[Array, Array]:
-    """Friction (..., f) of each joint for given inertias, and a root (..., f, f) of its gain."""
+def _friction(factors: Array, shared: Array) -> tuple[Array, Array, Array]:
+    """Friction (..., f) of each joint with no inertias, what these take of it, a root of its gain.
+
+    That root is (..., f, f).
+    """
     widest = factors.shape[-1] - 1 - len(shared)
     gain: Array = np.asarray(np.linalg.pinv(factors[..., :widest, :widest]), dtype=np.float64)
-    target = factors[..., :widest, -1] - factors[..., :widest, widest:-1] @ shared
-    return (gain @ target[..., None])[..., 0], gain
+    whole = gain @ factors[..., :widest, -1:]
+    return whole[..., 0], (gain @ factors[..., :widest, widest:-1]) @ shared, gain
 
 
 def _scatter(rest: Array, noise: Array, shared: Array, inverse: Array) -> Array:

@@ -272,6 +272,9 @@ def holm(p_values: Sequence[float]) -> Array:
 FRICTION_ALONE = 3.0
 """A drive gain that changes changes friction and control by the same share: from so many times the
 control's, the friction itself has changed."""
+FRICTION_BESIDE = 10.0
+"""A load moves the controls of several joints, and friction by as much more as torques are larger:
+from so many times another joint's control at that time, the friction itself has changed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -307,14 +310,6 @@ class JointState:
         return step, step - width, step + width
 
     @property
-    def friction_alone(self) -> bool:
-        """Whether friction changed by so much more than the control that no gain explains it."""
-        if self.friction is None or self.control is None:
-            return self.friction is not None
-        friction, control = (abs(one.change / one.before) for one in (self.friction, self.control))
-        return bool(friction > FRICTION_ALONE * control)
-
-    @property
     def now(self) -> float:
         """Friction level at the reference temperature; after the step where there is an alarm."""
         if self.friction is None:
@@ -330,10 +325,10 @@ class JointState:
         return self.friction.after_std if self.alarm else self.friction.level_std
 
 
-def judge(joints: Sequence[JointState], false_alarms: float) -> tuple[tuple[JointState, ...], int]:
+def judge(joints: Sequence[JointState], limit: float) -> tuple[tuple[JointState, ...], int]:
     """Raise alarms: all trends, of friction and of the control, are one family of tests.
 
-    Of the joints of the whole fleet, with the probability of any false alarm among them. Returns
+    Of the joints of the whole fleet, with the probability `limit` of any false alarm. Returns
     them with corrected p values and alarms, and how many trends were tested.
     """
     tested = [
@@ -345,14 +340,31 @@ def judge(joints: Sequence[JointState], false_alarms: float) -> tuple[tuple[Join
     corrected = dict(
         zip(tested, holm([getattr(joints[k], word).p_value for k, word in tested]), strict=True)
     )
+    moved = [joints[k] for k, word in tested if word == "control" and corrected[k, word] <= limit]
     judged: list[JointState] = []
     for k, joint in enumerate(joints):
         friction = float(corrected.get((k, "friction"), 1.0))
         control = float(corrected.get((k, "control"), 1.0))
-        alarm = ""
-        if friction <= false_alarms and (control > false_alarms or joint.friction_alone):
+        alarm = "torque_scale" if min(friction, control) <= limit else ""
+        if friction <= limit and _friction_alone(joint, moved):
             alarm = "friction_drift"
-        elif control <= false_alarms:
-            alarm = "torque_scale"
         judged.append(replace(joint, friction_p=friction, control_p=control, alarm=alarm))
     return tuple(judged), len(tested)
+
+
+def _friction_alone(joint: JointState, moved: Sequence[JointState]) -> bool:
+    """Whether no gain, and no load that moved other joints' controls with it, explains a change."""
+    friction = joint.friction
+    if friction is None:
+        return False
+    size = abs(friction.change / friction.before)
+    for one in moved:
+        control = one.control
+        if control is None or one.robot != joint.robot:
+            continue
+        if one is not joint and abs(control.step_at - friction.step_at) >= SEGMENT:
+            continue
+        times = FRICTION_ALONE if one is joint else FRICTION_BESIDE
+        if size <= times * abs(control.change / control.before):
+            return False
+    return True
