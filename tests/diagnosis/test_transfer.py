@@ -47,6 +47,28 @@ def test_what_a_pose_cannot_tell_from_an_offset_is_one(estimate: Estimate, encod
     assert found.rms[1].max() < 0.05
 
 
+@pytest.mark.parametrize(("mass", "length"), [(0.01, 1.0), (1.0, 6.0)])
+def test_a_load_is_weighed_on_a_light_arm_and_a_long_one(
+    tmp_path: Path, mass: float, length: float
+) -> None:
+    """Of one's own size: 0.02 kg, or 2 kg 1.5 m from the joint."""
+    robot = arm(tmp_path)
+    stretch, by = np.diag([1.0, 1.0, 1.0, length]), np.repeat([1.0, length, length**2], [1, 3, 6])
+    places = np.linalg.inv(stretch) @ robot.placements @ stretch
+    robot = replace(robot, placements=places, inertias=mass * by * robot.inertias)
+
+    def seen(wrong: Wrong) -> ExperimentRecord:
+        plain, slower = recording(wrong), np.sqrt(length)
+        signals = {"q": plain.signals["q"], "effort": mass * length * plain.signals["effort"]}
+        return ExperimentRecord(t=slower * plain.t, signals=signals)
+
+    settings = IdentifySettings(preset="paper", estimator="wls")
+    estimate = identify(seen(Wrong()), robot, settings).estimate
+    found = validate(estimate, seen(Wrong(carried=2.0, seed=9))).warnings
+    (load,) = [one for one in found if one.kind == "payload"]
+    assert load.value == pytest.approx(2.0 * mass, rel=0.02)
+
+
 def test_a_gain_shows_so_where_motors_are_coupled(tmp_path: Path) -> None:
     robot = arm(tmp_path)
     coupling = np.diag([80.0, 80.0, 50.0])

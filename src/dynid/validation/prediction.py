@@ -48,13 +48,12 @@ LEFT = 0.2
 """Share of the squared error that a payload has to leave at most."""
 CERTAIN = 7.0
 """Mass over its standard deviation, from leaving stretches out."""
-LEAST_KG = 0.05
 STRETCHES = 6
 RIDGE = 1e-6
 POINT = 4
 """Mass and first moments: a load as small as a point leaves less room for other faults."""
-FARTHEST_M = 0.6
-"""Of its centre from the last joint's frame."""
+FARTHEST_M, FARTHEST = 0.6, 0.5
+"""Of its centre from the last joint's frame, or this share of the distances of all joints."""
 
 
 def another_payload(estimate: Estimate, samples: Samples, error: Array) -> tuple[Finding, ...]:
@@ -92,12 +91,14 @@ def another_payload(estimate: Estimate, samples: Samples, error: Array) -> tuple
     masses = [fitted([k for k in everything if k != out], 10)[0] for out in everything]
     spread = float(np.sqrt((STRETCHES - 1) * np.var(masses)) / scale[0])
     mass = float(fitted(everything, 10)[0] / scale[0])
-    if abs(mass) < max(CERTAIN * spread, LEAST_KG) or lever > FARTHEST_M * abs(point[0]):
+    apart = np.linalg.norm(model.robot.placements[:, :3, 3], axis=1).sum()
+    farthest = max(FARTHEST_M, FARTHEST * float(apart))
+    if abs(mass) < CERTAIN * spread or lever > farthest * abs(point[0]):
         return ()
     return (
         Finding(
             "payload",
-            f"this record carries {abs(mass):.2f} +- {spread:.2g} kg "
+            f"this record carries {abs(mass):.3g} +- {spread:.2g} kg "
             f"{'more' if mass > 0 else 'less'} at the last link than the identification's",
             joints=(model.robot.joints - 1,),
             value=mass,
