@@ -122,6 +122,7 @@ def test_ticks_are_round_and_lie_on_their_axis() -> None:
     assert [t for _, t in Axis(low=3, high=90, log=True).ticks(5)] == ["5", "10", "20", "50"]
     assert [t for _, t in Axis(low=9e4, high=2.6e5).ticks(4)] == ["1e5", "1.5e5", "2e5", "2.5e5"]
     assert Axis(low=-4, high=4, bounds=True).ticks(2) == ((0.0, "±4"),)
+    assert Axis(low=-150, high=80, bounds=True).ticks(2) == ((0.0, "±150"),)
     for low, high in ((0, 3), (-1e-3, 2e-3), (1e6, 3e6), (-7.3, -7.1)):
         axis = Axis(low=low, high=high)
         values = [v for v, _ in axis.ticks(5)]

@@ -82,7 +82,7 @@ class Axis:
             return tuple((float(k), name) for k, name in enumerate(self.names))
         if self.bounds:
             reach = max(abs(self.low), abs(self.high))
-            return ((0.0, f"±{reach:.2g}"),)
+            return ((0.0, f"±{float(f'{reach:.2g}'):g}"),)
         if self.log:
             return _decades(self.low, self.high, most)
         step = _round_step((self.high - self.low) / max(most, 1))

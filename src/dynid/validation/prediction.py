@@ -98,7 +98,7 @@ def another_payload(estimate: Estimate, samples: Samples, error: Array) -> tuple
     return (
         Finding(
             "payload",
-            f"this record carries {abs(mass):.3g} +- {spread:.2g} kg "
+            f"the predicted record carries {abs(mass):.3g} +- {spread:.2g} kg "
             f"{'more' if mass > 0 else 'less'} at the last link than the identification's",
             joints=(model.robot.joints - 1,),
             value=mass,

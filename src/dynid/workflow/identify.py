@@ -17,6 +17,7 @@ from dynid import recording
 from dynid.core import Finding, InputError, Progress, Value, Workers, one_thread, plain, told
 from dynid.diagnosis import USELESS_PREDICTION, Verdict, diagnose, judge
 from dynid.export import simulator_obstacle
+from dynid.figures import joint_unit
 from dynid.identification import Estimate
 from dynid.robot import RobotLike, RobotModel, joints_by_kind, load_robot, with_carried
 from dynid.settings import IdentifySettings
@@ -261,8 +262,7 @@ def identify(
             result = validate(estimate, other, start_s=validation_start_s, stop_s=validation_stop_s)
             # Where another part of this recording was identified from, it was told already.
             warnings += [finding for finding in result.warnings if finding not in warnings]
-            if not any(finding.kind == "payload" for finding in result.warnings):
-                warnings += over_fitted(training, result)
+            warnings += over_fitted(training, result)
         return Identification(
             estimate=replace(estimate, warnings=tuple(warnings)),
             training=training,
@@ -306,24 +306,31 @@ def gains_nothing(estimate: Estimate) -> tuple[Finding, ...]:
         return ()
     errors = {name: float(np.linalg.norm(rms)) for name, rms in told_by.models.items()}
     fitted, identified = errors["published_friction"], errors["identified"]
+    unit = joint_unit("N.m", estimate.model.robot.prismatic)
     return (
         Finding(
             "identification_gains_nothing",
             value=100.0 * (identified / max(fitted, 1e-12) - 1.0),
             unit="%",
-            text=f"on parts left out, identified inertias err by {identified:.3g} N.m, published "
-            f"ones with fitted friction and motor inertia by {fitted:.3g} N.m: identifying the "
+            text=f"on parts left out, identified inertias err by {identified:.3g}, published ones "
+            f"with fitted friction and motor inertia by {fitted:.3g} {unit}: identifying the "
             "inertias gains nothing",
             next_step="Record a motion with more excitation, or use the published inertias",
         ),
     )
 
 
+def _another_load(validation: ValidationResult) -> bool:
+    return any(finding.kind == "payload" for finding in validation.warnings)
+
+
 def over_fitted(training: ValidationResult, validation: ValidationResult) -> tuple[Finding, ...]:
     """Whether the model does much worse on another record than on its own, where joints move.
 
-    At rest friction takes what it likes: more standstill is no sign of a worse model.
+    At rest friction takes what it likes: neither more standstill nor a load says that.
     """
+    if _another_load(validation):
+        return ()
     ratio = validation.moving.rmse / training.moving.rmse
     if not np.isfinite(ratio).any():
         return ()
@@ -349,11 +356,13 @@ POOR_DEVIATION = 50.0
 def verdict(result: Identification) -> Verdict:
     """Judge an identification by the error to expect, the faults found and the motion.
 
-    Left-out parts of its own record count where no other recording was predicted.
+    Left-out parts of its own record count where no other recording, or one with another load, was
+    predicted.
     """
     estimate, kinds = result.estimate, {f.kind for f in result.warnings}
-    confirmed = result.validation is not None and "same_record" not in kinds
-    judged = result.validation if confirmed and result.validation is not None else result.training
+    other = result.validation
+    confirmed = other is not None and "same_record" not in kinds and not _another_load(other)
+    judged = other if confirmed and other is not None else result.training
     slides = estimate.model.robot.prismatic
     errors = deciding_errors(judged.measured, judged.predicted, judged.moves, slides)
     expected, whole, noise = None, None, errors.noise
