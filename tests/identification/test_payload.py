@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import clarabel
 import numpy as np
 import pinocchio as pin
@@ -116,6 +118,16 @@ def test_nothing_on_the_flange_is_told_from_nothing() -> None:
     found = identify_payload(recorded(5, None), empty, ROBOT)
     assert abs(found.free[0]) < 3 * found.mass_std
     assert "low_excitation" in [notice.code for notice in found.warnings]
+
+
+def test_an_offset_of_currents_is_no_swap_of_runs() -> None:
+    runs = [recorded(4, None), recorded(4, body(2.0, (0.01, 0.02, 0.05)))]
+    off = runs[1].signals["current"] + [0.0, 5.0, 5.0, 2.0, 0.0, 0.0]
+    signals = {**runs[1].signals, "current": off}
+    wrong = identify_payload(runs[0], replace(runs[1], signals=signals), ROBOT)
+    back = identify_payload(runs[1], runs[0], ROBOT)
+    for found, words in ((wrong, "more than the payload"), (back, "swapped")):
+        assert [(one.kind, words in one.text) for one in found.warnings] == [("not_physical", True)]
 
 
 def scara(carried: pin.Inertia, seed: int) -> ExperimentRecord:

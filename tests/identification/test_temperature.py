@@ -207,6 +207,8 @@ def test_equal_temperatures_give_no_law() -> None:
 def test_misuse_is_refused(records: list[ExperimentRecord]) -> None:
     with pytest.raises(InputError, match="two records"):
         identify_temperature(records[:1], ROBOT, SETTINGS)
+    with pytest.raises(InputError, match="two records"):
+        identify_temperature([records[0], records[0]], ROBOT, SETTINGS)
     signals = {k: v for k, v in records[0].signals.items() if k != "temperature"}
     blind = ExperimentRecord(t=records[0].t, signals=signals)
     with pytest.raises(InputError, match=r"records \[2\]"):

@@ -220,7 +220,12 @@ def _findings(free: Array, covariance: Array) -> tuple[Finding, ...]:
                 f"a payload of {free[0]:.3g} kg +- {half:.2g} kg is not significant",
             )
         )
-    elif free[0] < 0:
+    # Of swapped runs the negative is a body.
+    held = -free if free[0] < -half else free
+    gap = nearest_body(held, covariance) - held
+    distance = float(gap @ np.linalg.solve(covariance, gap))
+    # Chi-square with ten degrees of freedom passes 29.6 once in a thousand times.
+    if distance <= 29.6 and free[0] < -SWAPPED * spread:
         notices.append(
             Finding(
                 "not_physical",
@@ -229,11 +234,6 @@ def _findings(free: Array, covariance: Array) -> tuple[Finding, ...]:
                 next_step="give the recording without the payload first",
             )
         )
-    if free[0] < -half:
-        return tuple(notices)
-    gap = nearest_body(free, covariance) - free
-    distance = float(gap @ np.linalg.solve(covariance, gap))
-    # Chi-square with ten degrees of freedom passes 29.6 once in a thousand times.
     if distance > 29.6:
         notices.append(
             Finding(

@@ -8,7 +8,7 @@ import numpy as np
 
 from dynid import identification
 from dynid.core import Finding, InputError, Progress, told
-from dynid.recording import RecordLike, open_several
+from dynid.recording import RecordLike, checked_records, open_several
 from dynid.robot import RobotLike, load_robot
 from dynid.settings import IdentifySettings
 from dynid.signals import window
@@ -75,8 +75,6 @@ def identify_temperature(
     """
     robot = load_robot(robot, collision=False)
     several = open_several(records, robot)
-    if len(several) < 2:
-        raise InputError("a temperature law needs two records or more", value=len(several))
     without = [k + 1 for k, record in enumerate(several) if "temperature" not in record.signals]
     if without:
         raise InputError(
@@ -84,6 +82,9 @@ def identify_temperature(
             value=f"records {without}",
             next_step="Record with dynid run, or import with --columns ...,temperature=A:B.",
         )
+    several = checked_records(several)
+    if len(several) < 2:
+        raise InputError("a temperature law needs two records or more", value=len(several))
     settings = settings or IdentifySettings()
     mean = np.array(
         [
