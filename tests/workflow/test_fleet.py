@@ -186,6 +186,19 @@ def test_an_arm_on_the_ceiling_is_identified_as_it_was_mounted(tmp_path: Path) -
         dynid.fleet(tmp_path / "all", tmp_path / "out")
 
 
+def test_a_recording_of_another_sign_is_left_out(tmp_path: Path) -> None:
+    real = plant(dynid.load_robot("ur5"), 1)
+    for day in range(5):
+        write(tmp_path / "all", "a", real, day, factor=1.0, gain=1.0)
+    wrong = sorted((tmp_path / "all").rglob("*.parquet"))[2]
+    record = dynid.read_record(wrong)
+    turned = {**record.signals, "effort": -record.signals["effort"]}
+    dynid.write_record(replace(record, signals=turned), wrong, force=True)
+    found = dynid.fleet(tmp_path / "all", tmp_path / "out")
+    assert [name for name, _ in found.skipped] == [str(wrong.relative_to(tmp_path / "all"))]
+    assert len(found.recordings) == 4
+
+
 def test_a_reference_beyond_the_recordings_is_told(data: Path, found: dynid.Fleet) -> None:
     del found
     for degrees, told in ((29.0, False), (90.0, True)):

@@ -4,7 +4,6 @@ import csv
 import importlib
 import io
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -30,7 +29,14 @@ from dynid.core import (
 from dynid.recording import is_url
 from dynid.report import write_fleet_page
 from dynid.settings import FleetSettings
-from dynid.workflow.fleet_files import COLUMNS, MANIFEST, FleetRecording, base_of, read_folder
+from dynid.workflow.fleet_files import (
+    COLUMNS,
+    MANIFEST,
+    FleetRecording,
+    base_of,
+    of_one_robot,
+    read_folder,
+)
 
 TABLE, PAGE = "estimates.parquet", "report.html"
 CACHE = "statistics"
@@ -150,7 +156,7 @@ def fleet(
             )
         robots = _by_robot(recordings)
         for robot, group in robots.items():
-            robots[robot], others = _of_one_type(robot, group)
+            robots[robot], others = of_one_robot(robot, group)
             skipped = [*skipped, *others]
         recordings = [one for group in robots.values() for one in group]
         family = 2 * sum(len(group[0].temperature_degC) for group in robots.values())
@@ -188,33 +194,6 @@ def fleet(
 
 def _by_robot(recordings: Sequence[FleetRecording]) -> dict[str, list[FleetRecording]]:
     return {name: list(group) for name, group in groupby(recordings, key=lambda one: one.robot)}
-
-
-def _of_one_type(
-    robot: str, group: list[FleetRecording]
-) -> tuple[list[FleetRecording], list[tuple[str, str]]]:
-    """Recordings of the type that most of a robot's name; of the others, why they are left out.
-
-    Raises:
-        InputError: Two types are named equally often.
-    """
-    named = [f"{one.model} ({one.mount or 'as in its file'})" for one in group]
-    (usual, most), *others = Counter(named).most_common()
-    if others and others[0][1] == most:
-        raise InputError(
-            "recordings of one robot name different models or mountings",
-            where=robot,
-            value=[f"{one.path}: {name}" for one, name in zip(group, named, strict=True)][:6],
-            next_step=f"Give each robot a folder or a name of its own ({MANIFEST}).",
-        )
-    pairs = list(zip(group, named, strict=True))
-    kept = [one for one, name in pairs if name == usual]
-    left = [
-        (one.path, f"is of {name}, others of {robot or 'this robot'} of {usual}")
-        for one, name in pairs
-        if name != usual
-    ]
-    return kept, left
 
 
 def _missing(recordings: Sequence[FleetRecording], reference_degC: float | None) -> list[Finding]:

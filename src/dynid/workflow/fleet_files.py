@@ -3,10 +3,12 @@
 import csv
 import json
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
+from itertools import compress
 from pathlib import Path, PurePath, PurePosixPath
 
 import numpy as np
@@ -27,7 +29,12 @@ from dynid.core import (
     read_arrays,
     write_arrays,
 )
-from dynid.identification import IdentificationProblem, RecordStatistics, record_statistics
+from dynid.identification import (
+    IdentificationProblem,
+    RecordStatistics,
+    record_statistics,
+    solve_robot,
+)
 from dynid.recording import is_url, local_files, objects_below, open_record
 from dynid.reduction import BaseParametrization, reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
@@ -237,6 +244,42 @@ def _seconds(text: str) -> float:
     except ValueError:
         return float("nan")
     return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
+
+
+def of_one_robot(
+    robot: str, group: list[FleetRecording]
+) -> tuple[list[FleetRecording], list[tuple[str, str]]]:
+    """Recordings of the type that most of a robot's name; of the others, why they are left out.
+
+    Left out, too, are a few whose torques the inertias of them all predict worse than none would.
+
+    Raises:
+        InputError: Two types are named equally often.
+    """
+    named = [f"{one.model} ({one.mount or 'as in its file'})" for one in group]
+    (usual, most), *others = Counter(named).most_common()
+    if others and others[0][1] == most:
+        raise InputError(
+            "recordings of one robot name different models or mountings",
+            where=robot,
+            value=[f"{one.path}: {name}" for one, name in zip(group, named, strict=True)][:6],
+            next_step=f"Give each robot a folder or a name of its own ({MANIFEST}).",
+        )
+    pairs = list(zip(group, named, strict=True))
+    kept = [one for one, name in pairs if name == usual]
+    left = [
+        (one.path, f"is of {name}, others of {robot or 'this robot'} of {usual}")
+        for one, name in pairs
+        if name != usual
+    ]
+    with one_thread():
+        states = solve_robot([one.statistics for one in kept])
+    strange = np.median(states.left, axis=1) > 1.0
+    if 2 * strange.sum() >= len(kept):
+        return kept, left
+    why = f"has not the torques of the others of {robot or 'this robot'}: another arm, or signs"
+    left += [(one.path, why) for one in compress(kept, strange)]
+    return list(compress(kept, ~strange)), left
 
 
 Manifest = dict[str, dict[str, str]]
