@@ -89,8 +89,8 @@ def record_statistics(item: IdentificationProblem) -> RecordStatistics:
     level = np.linalg.norm(factors[..., -1], axis=1)[None]
     local = _pooled(rest, np.maximum(level, 1e-9 * max(float(level.max()), 1e-9)))[0]
     values = np.tile(np.concatenate([np.zeros(own), local]), (alone.joints, 1))
-    alone_, inertial, _ = _friction(factors, local)
-    for row, friction, place in zip(values, alone_ - inertial, places, strict=True):
+    whole, lever, _ = _friction(factors, local)
+    for row, friction, place in zip(values, whole - lever, places, strict=True):
         row[place] = friction[: len(place)]
     scores = np.zeros((alone.joints, widest, item.blocks))
     residual = np.empty((alone.joints, item.blocks))

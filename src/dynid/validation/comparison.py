@@ -44,7 +44,7 @@ CORRELATION_S = 0.2
 _SLOWEST = 0.005
 """Speed below which a joint rests, however slow it was when it was identified [rad/s or m/s]."""
 _UNSEEN = 0.5
-"""Of what a friction parameter may change by: one no surer was not seen."""
+"""Of what a friction parameter may change by: one that is no surer was not seen."""
 _SMOOTH = 0.02
 """Smoothing velocity of the Coulomb shape, share of the joint's usual top speed."""
 
