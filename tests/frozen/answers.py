@@ -50,6 +50,7 @@ LEFT_OUT = frozenset(
         "files",
         "history",
         "interrupted",
+        "loaded_with",
         "pid",
         "ports",
         "record",

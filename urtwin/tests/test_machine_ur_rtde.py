@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-import script_client
 
 from dynid.simulation import SimulatedArm
 from scripts import said, ticks
 from urtwin import ControllerMachine
 from urtwin.safety import WatchedLimits
+
+script_client = pytest.importorskip("script_client", reason="needs ur_rtde")
 
 READY, DONE = 1, 2
 GOAL = [0.3, -1.4, 1.2, -1.3, -1.2, 0.3]
