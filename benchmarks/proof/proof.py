@@ -19,6 +19,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from shared.measuring import ROOT, commit, processor
+from wheels import interpreter
 
 PAGE = ROOT / "docs" / "proof.md"
 NEVER = "not run yet"
@@ -28,7 +29,7 @@ LAST_LINES = 3
 
 @dataclass(frozen=True)
 class Step:
-    """One command of Python."""
+    """One command of Python, or of `make`."""
 
     name: str
     words: tuple[str, ...]
@@ -40,7 +41,7 @@ class Step:
     def shown(self) -> str:
         """The command as one types it."""
         before = "".join(f"{name}={value} " for name, value in self.variables.items())
-        return f"{before}python {' '.join(self.words)}"
+        return before + " ".join(self.words if self.words[0] == "make" else ("python", *self.words))
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,12 @@ def steps() -> list[Step]:
             variables["NUMBA_CPU_NAME"] = "generic"
         obstacle = None if flag in flags else f"this processor has no {flag}"
         found.append(Step(f"suite, kernel {kernel}", suite, variables, obstacle))
+    for version in ("3.12", "3.13"):
+        # Newer packages than with 3.11; an environment of its own, which stays for the next time.
+        python = interpreter(version)
+        words = ("make", f"VENV=build/py{version}", f"PYTHON={python}", "ASIDE=", "test")
+        obstacle = None if python else f"no Python {version} here"
+        found.append(Step(f"make test with Python {version}", words, obstacle=obstacle))
     answers, clients = "tests/frozen/answers.py", "urtwin/tests/real_clients.py"
     shared = ROOT.parent / "shared"
     needed = absent(shared / "data")
@@ -100,7 +107,7 @@ def run(step: Step) -> Result:
         return Result(None, 0.0, (step.obstacle,))
     started = time.perf_counter()
     process = subprocess.Popen(
-        [sys.executable, *step.words],
+        step.words if step.words[0] == "make" else [sys.executable, *step.words],
         cwd=ROOT,
         env={**os.environ, **step.variables},
         stdout=subprocess.PIPE,
