@@ -132,8 +132,6 @@ class RobotStates:
     """(R, n)"""
     noise: Array
     """(R, n) residual standard deviation [N.m or N]."""
-    left: Array
-    """(R, n) RMS of what the shared inertias leave, over that of the torque beside friction."""
 
     def level(self, weights: Array) -> tuple[Array, Array]:
         """(R, n) a combination of the friction parameters, and its standard deviation.
@@ -202,8 +200,6 @@ def solve_robot(statistics: Sequence[RecordStatistics]) -> RobotStates:
         scale=scale,
         scale_std=std,
         noise=noise,
-        left=np.linalg.norm(rest @ np.append(shared, -1.0), axis=2)
-        / np.maximum(np.linalg.norm(rest[..., -1], axis=2), 1e-300),
     )
 
 

@@ -52,6 +52,8 @@ SUFFIXES = frozenset(
 _DAY = re.compile(r"\d{4}-\d{2}-\d{2}(?:[T_ ]\d{2}[:-]?\d{2}(?:[:-]?\d{2})?)?")
 ROBOT_KEYS, TIME_KEYS = ("robot_id", "serial"), ("time", "created")
 """Entries of a recording's metadata (`extra`) that name the individual and the time."""
+CERTAIN = 3.0
+"""Standard deviations by which a recording lacks the torques of its robot."""
 EPOCH_FROM_S = 1e8
 """First stamps from here on are seconds since 1970, smaller ones count from anything."""
 
@@ -251,7 +253,7 @@ def of_one_robot(
 ) -> tuple[list[FleetRecording], list[tuple[str, str]]]:
     """Recordings of the type that most of a robot's name; of the others, why they are left out.
 
-    Left out, too, are a few whose torques the inertias of them all predict worse than none would.
+    Left out, too, are a few where most joints surely lack the torques of the inertias of them all.
 
     Raises:
         InputError: Two types are named equally often.
@@ -274,7 +276,9 @@ def of_one_robot(
     ]
     with one_thread():
         states = solve_robot([one.statistics for one in kept])
-    strange = np.median(states.left, axis=1) > 1.0
+    # Where less than half of their torque is found, none at all is the better prediction.
+    lacking = states.scale + CERTAIN * states.scale_std < 0.5
+    strange = 2 * lacking.sum(axis=1) > np.isfinite(states.scale_std).sum(axis=1)
     if 2 * strange.sum() >= len(kept):
         return kept, left
     why = f"has not the torques of the others of {robot or 'this robot'}: another arm, or signs"
