@@ -24,6 +24,8 @@ UNRESOLVED = 1e-9
 """Eigenvalue over the largest, columns of unit norm, below which no recording shows a direction."""
 UNSEEN_SHARE = 1e-3
 """Share of a parameter among unresolved directions from which it is not resolved."""
+CERTAIN = 3.0
+"""Standard deviations by which a recording lacks torque, to be left out."""
 MOVING = 0.02
 """Share of a joint's highest speed from which it counts as moving."""
 
@@ -132,6 +134,16 @@ class RobotStates:
     """(R, n)"""
     noise: Array
     """(R, n) residual standard deviation [N.m or N]."""
+
+    @property
+    def strange(self) -> Mask:
+        """(R) recordings of another arm, or with wrong signs.
+
+        In most of their joints that show inertias, less than half of the shared inertias' torque is
+        found, so that none at all predicts better; and that is sure.
+        """
+        lacking = self.scale + CERTAIN * self.scale_std < 0.5
+        return 2 * lacking.sum(axis=1) > np.isfinite(self.scale_std).sum(axis=1)
 
     def level(self, weights: Array) -> tuple[Array, Array]:
         """(R, n) a combination of the friction parameters, and its standard deviation.

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from itertools import groupby
+from itertools import compress, groupby
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,7 @@ from dynid.workflow.fleet_files import (
     MANIFEST,
     FleetRecording,
     base_of,
-    of_one_robot,
+    of_one_type,
     read_folder,
 )
 
@@ -156,9 +156,8 @@ def fleet(
             )
         robots = _by_robot(recordings)
         for robot, group in robots.items():
-            robots[robot], others = of_one_robot(robot, group)
+            robots[robot], others = of_one_type(robot, group)
             skipped = [*skipped, *others]
-        recordings = [one for group in robots.values() for one in group]
         family = 2 * sum(len(group[0].temperature_degC) for group in robots.values())
         # Enough for the smallest p value to count after the correction.
         permutations = math.ceil(max(FEWEST, SPARE * family / asked.false_alarms))
@@ -166,6 +165,10 @@ def fleet(
         by_robot = dict(each(_robot, tasks, beside, tell=progress, words="robots"))
     joints = [joint for k in sorted(by_robot) for joint in by_robot[k][0]]
     rows = [row for k in sorted(by_robot) for row in by_robot[k][1]]
+    strange = {one.path for *_, others in by_robot.values() for one in others}
+    why = "does not have the torques of its robot's other recordings: another arm, or wrong signs"
+    skipped = [*skipped, *((path, why) for path in sorted(strange))]
+    recordings = [one for group in robots.values() for one in group if one.path not in strange]
     judged, tests = identification.judge(joints, asked.false_alarms)
     result = Fleet(
         folder=folder,
@@ -251,12 +254,22 @@ def _unreachable(joints: Sequence[identification.JointState], family: float) -> 
 @one_thread()
 def _robot(
     task: tuple[str, Sequence[FleetRecording], FleetSettings, int],
-) -> tuple[list[identification.JointState], list[dict[str, Any]]]:
-    """The joints of one robot, not yet judged, and its rows of the table; runs in a worker."""
+) -> tuple[list[identification.JointState], list[dict[str, Any]], list[FleetRecording]]:
+    """The joints of one robot, not yet judged, its rows of the table, and recordings left out.
+
+    Runs in a worker.
+    """
     robot, group, asked, permutations = task
     base = base_of(group[0].model, asked.terms, group[0].mount)
     model = base.model.robot
     states = identification.solve_robot([one.statistics for one in group])
+    left = list(compress(group, states.strange))
+    if 2 * len(left) >= len(group):
+        # Which of them are of another arm?
+        left = []
+    if left:
+        group = list(compress(group, ~states.strange))
+        states = identification.solve_robot([one.statistics for one in group])
     time_s = np.array([one.time_s for one in group])
     warm = np.array([one.temperature_degC for one in group])
     motion = identification.repeated_motions(np.array([one.statistics.speed for one in group]))
@@ -337,7 +350,7 @@ def _robot(
                 }
                 for k, one in enumerate(group)
             ]
-    return joints, rows
+    return joints, rows, left
 
 
 def _alarm(joint: identification.JointState) -> Finding:

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
-from itertools import compress
 from pathlib import Path, PurePath, PurePosixPath
 
 import numpy as np
@@ -29,12 +28,7 @@ from dynid.core import (
     read_arrays,
     write_arrays,
 )
-from dynid.identification import (
-    IdentificationProblem,
-    RecordStatistics,
-    record_statistics,
-    solve_robot,
-)
+from dynid.identification import IdentificationProblem, RecordStatistics, record_statistics
 from dynid.recording import is_url, local_files, objects_below, open_record
 from dynid.reduction import BaseParametrization, reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
@@ -52,8 +46,6 @@ SUFFIXES = frozenset(
 _DAY = re.compile(r"\d{4}-\d{2}-\d{2}(?:[T_ ]\d{2}[:-]?\d{2}(?:[:-]?\d{2})?)?")
 ROBOT_KEYS, TIME_KEYS = ("robot_id", "serial"), ("time", "created")
 """Entries of a recording's metadata (`extra`) that name the individual and the time."""
-CERTAIN = 3.0
-"""Standard deviations by which a recording lacks the torques of its robot."""
 EPOCH_FROM_S = 1e8
 """First stamps from here on are seconds since 1970, smaller ones count from anything."""
 
@@ -248,12 +240,10 @@ def _seconds(text: str) -> float:
     return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
 
 
-def of_one_robot(
+def of_one_type(
     robot: str, group: list[FleetRecording]
 ) -> tuple[list[FleetRecording], list[tuple[str, str]]]:
     """Recordings of the type that most of a robot's name; of the others, why they are left out.
-
-    Left out, too, are a few where most joints surely lack the torques of the inertias of them all.
 
     Raises:
         InputError: Two types are named equally often.
@@ -274,16 +264,7 @@ def of_one_robot(
         for one, name in pairs
         if name != usual
     ]
-    with one_thread():
-        states = solve_robot([one.statistics for one in kept])
-    # Where less than half of their torque is found, none at all is the better prediction.
-    lacking = states.scale + CERTAIN * states.scale_std < 0.5
-    strange = 2 * lacking.sum(axis=1) > np.isfinite(states.scale_std).sum(axis=1)
-    if 2 * strange.sum() >= len(kept):
-        return kept, left
-    why = f"has not the torques of the others of {robot or 'this robot'}: another arm, or signs"
-    left += [(one.path, why) for one in compress(kept, strange)]
-    return list(compress(kept, ~strange)), left
+    return kept, left
 
 
 Manifest = dict[str, dict[str, str]]
