@@ -262,7 +262,7 @@ class _Terminal(io.FileIO):
 def guard_streams() -> None:
     """Make streams take any text, also where a terminal has closed; SIGTERM cleans up as Ctrl-C."""
     for name in ("stdout", "stderr"):
-        # Closed by who started us: None, and its number would be that of the next file.
+        # None where the parent closed it; the next file opened would get its descriptor.
         stream = getattr(sys, name) or open(os.devnull, "w")  # noqa: SIM115
         setattr(sys, name, stream)
         if isinstance(stream, io.TextIOWrapper) and stream.isatty():

@@ -16,7 +16,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -46,6 +46,8 @@ from dynid.robot import RobotModel
 
 MARK = b"DYNIDREC\x01"
 _HEAD = struct.Struct("<cII")
+_LONGEST_HEAD = 1 << 20
+"""Bytes before the first row; a longer file holds rows, and hours of them are not read."""
 
 
 def partial_path(path: Path) -> Path:
@@ -102,10 +104,11 @@ def recover(path: Path, file: int | None = None, *, finished: bool = False) -> E
     return replace(record, problems=(*record.problems, Finding("truncated_file", message)))
 
 
-def _is_empty(data: bytes) -> bool:
-    """Whether these bytes are a recording in progress, undamaged and without a row."""
+def _is_empty(file: IO[bytes]) -> bool:
+    """Whether a file is a recording in progress, undamaged and without a row."""
+    data = file.read(_LONGEST_HEAD)
     segments = list(_segments(data))
-    whole = data.startswith(MARK) and len(data) == _size(segments)
+    whole = data.startswith(MARK) and len(data) == _size(segments) and not file.read(1)
     return whole and all(kind != b"R" for kind, _ in segments)
 
 
@@ -140,7 +143,7 @@ def create_partial(path: Path) -> tuple[int, Path | None]:
         if path.exists():
             with path.open("rb") as old:
                 _lock(old.fileno(), path)
-                empty = _is_empty(old.read())
+                empty = _is_empty(old)
             if empty:
                 path.unlink()
             else:

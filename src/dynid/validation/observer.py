@@ -20,7 +20,7 @@ SPEEDS = (0.0, 0.05, 0.1, 0.2, 0.5)
 """Speeds at which thresholds change [rad/s or m/s]."""
 RATE_HZ = 125.0
 MEMORY = 3.0
-"""Time constants of the residual after which it has forgotten what was."""
+"""Time constants of the residual after which it has settled."""
 QUANTILE = 0.9999
 MARGIN = 2.0
 """Thresholds over the quantile: what ten minutes bring that one record did not."""
@@ -46,7 +46,7 @@ class ContactThresholds(Value):
     samples: int
     """N, samples of free motion they come from."""
     memory: int = round(MEMORY * RATE_HZ / BANDWIDTH)
-    """Samples that a joint must have been as fast: so long the residual holds what was."""
+    """Samples of which the slowest speed decides: the residual lags behind by so many."""
 
     def __post_init__(self) -> None:
         freeze(self, speeds=(None,))
@@ -223,9 +223,9 @@ def contact_thresholds(
 
 
 def recent_speed(dq: Array, memory: int) -> Array:
-    """(N, n) the slowest that each joint was in the last so many samples, for dq (N, n).
+    """(N, n) the slowest speed of each joint in the last `memory` samples, for dq (N, n).
 
-    A residual remembers: after a reversal it still holds what friction did in it.
+    The residual lags: for a while after a reversal it still shows the friction there.
     """
     lowest = scipy_part("ndimage").minimum_filter1d
     # The window ends with the sample.
