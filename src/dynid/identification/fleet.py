@@ -199,8 +199,6 @@ def solve_robot(statistics: Sequence[RecordStatistics]) -> RobotStates:
     spread = np.maximum(np.nanmean(np.square(scale - 1.0) - np.square(std), axis=0), 0.0)
     told = np.nan_to_num(spread / (spread + np.square(std)))
     friction = whole - (1.0 + told * (scale - 1.0))[..., None] * lever
-    blur = (told * np.nan_to_num(std))[..., None] * lever
-    covariance = covariance + blur[..., :, None] * blur[..., None, :]
     return RobotStates(
         shared=shared,
         shared_std=np.where(resolved, _scatter(rest, noise, shared, inverse), np.nan),

@@ -108,7 +108,7 @@ def _is_empty(file: IO[bytes]) -> bool:
     """Whether a file is a recording in progress, undamaged and without a row."""
     data = file.read(_LONGEST_HEAD)
     segments = list(_segments(data))
-    whole = data.startswith(MARK) and len(data) == _size(segments) and not file.read(1)
+    whole = data.startswith(MARK) and _size(segments) == len(data) < _LONGEST_HEAD
     return whole and all(kind != b"R" for kind, _ in segments)
 
 

@@ -189,9 +189,7 @@ def _conditions(record: ExperimentRecord) -> tuple[str, ...]:
     lasted = float(record.t[-1] - record.t[0])
     words = [f"{lasted:.0f} s", f"{record.rate_hz:.0f} Hz"]
     # Those that were asked for, unless it was stopped before.
-    periods = 0
-    with suppress(ValueError, ArithmeticError):
-        periods = int((lasted + 1.5 / record.rate_hz) / float(extra.get("period_s", "inf")))
+    periods = int((lasted + 1.5 / record.rate_hz) / float(extra.get("period_s", "inf")))
     if periods > 1:
         words.append(f"{periods} periods")
     known = record.signals.get("temperature")
