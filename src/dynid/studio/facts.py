@@ -154,9 +154,13 @@ def margins(worst: Mapping[str, Worst], sliding: Collection[str] = ()) -> list[d
         name, unit = KINDS[kind]
         if item.what in sliding:
             unit = unit.replace("rad", "m").replace("N·m", "N")
-        used, scale = 1.0 - item.margin, 1.0
+        used, scale, limit = 1.0 - item.margin, 1.0, abs(item.limit)
+        # The bound over the whole motion, as the share is; that of a position counts from the
+        # middle of its range.
+        value = abs(item.value) if kind == "position" else used * limit
         if item.distance:
-            scale = 1000.0
+            # A distance below zero is how deep bodies are in each other.
+            scale, value = 1000.0, item.margin
             used = item.limit / item.margin if item.margin > 0 else 9.99
         allowed = 1.0 if item.distance else 1.0 - item.required
         level = "bad" if item.room < -1e-9 else "warn" if used > allowed - _ALMOST else "good"
@@ -168,9 +172,8 @@ def margins(worst: Mapping[str, Worst], sliding: Collection[str] = ()) -> list[d
                 "what": printable(item.what.replace("_joint", "").replace("_", " "), 44),
                 "used": min(used, 9.99),
                 "allowed": allowed,
-                # A distance below zero is how deep bodies are in each other.
-                "value": plain(float(scale * (item.value if item.distance else abs(item.value)))),
-                "limit": plain(float(scale * abs(item.limit))),
+                "value": plain(float(scale * value)),
+                "limit": plain(float(scale * limit)),
                 "distance": item.distance,
                 "level": level,
             }
