@@ -199,7 +199,7 @@ def test_a_full_disk_behind_stdout_is_said() -> None:
 
 def test_streams_that_are_closed_fail_no_job() -> None:
     done = subprocess.run(
-        ["sh", "-c", f"{sys.executable} -m dynid analyze ur5 <&- >&- 2>&-"], check=False
+        ["sh", "-c", '"$0" -m dynid analyze ur5 <&- >&- 2>&-', sys.executable], check=False
     )
     assert done.returncode == 0
 

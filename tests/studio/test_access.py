@@ -2,8 +2,11 @@ from __future__ import annotations
 
 import http.client
 import json
+import os
 import socket
+import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -83,6 +86,34 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     yield server
     server.page.close()
     server.stop()
+
+
+def test_answers_give_way_however_low_the_priority_of_the_studio(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[int] = []
+
+    def look_up(*_: object) -> dict[str, object]:
+        seen.append(os.getpriority(os.PRIO_PROCESS, 0))
+        return {}
+
+    monkeypatch.setattr(Page, "look_up", look_up)
+    page = Page(open_path(str(tmp_path), robot="ur5"))
+    server = Server(access_policy("127.0.0.1", TOKEN), 0, page)
+
+    def start() -> None:
+        os.nice(15)
+        server.start()
+
+    thread = threading.Thread(target=start)
+    thread.start()
+    thread.join()
+    try:
+        assert ask(server.port, "/api/state", Cookie=cookie(server))[0] == 200
+    finally:
+        page.close()
+        server.stop()
+    assert seen == [19]
 
 
 def ask(

@@ -237,9 +237,9 @@ class _Visit(BaseHTTPRequestHandler):
         if not self._may_enter():
             return
         # A recording needs the machine more than the page does. On Linux a thread has a priority
-        # of its own; jobs are started by threads that answer POST.
-        if hasattr(os, "setpriority"):
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
+        # of its own; jobs are started by threads that answer POST. Added to that of the studio,
+        # which may be lower still: to raise it takes rights.
+        os.nice(_NICE)
         path = self._path
         if path in ASSETS:
             name, kind = ASSETS[path]
