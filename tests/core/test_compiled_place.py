@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dynid.core import place_compiled
+from dynid.core import compiled, place_compiled
 
 INNER = """
 from dynid.core import compiled
@@ -67,3 +67,12 @@ def test_a_kernel_is_compiled_again_where_another_file_has_changed(
         assert outer(3.0) == expected
         hits.append(sum(outer.stats.cache_hits.values()))
     assert hits == [0, 1, 0, 0], "only what has not changed is loaded"
+
+
+def test_kernels_stay_python_where_numba_compiles_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("numba.core.config.DISABLE_JIT", 1)
+
+    def twice(x: float) -> float:
+        return 2 * x
+
+    assert compiled()(twice)(2.0) == 4.0

@@ -35,7 +35,7 @@ def compiled(*, cache: bool = True, **options: Any) -> Callable[[_F], _F]:
             used = value if isinstance(value, (int, float)) else _SOURCES.get(id(value))
             digest.update(repr(used).encode())
         _SOURCES[id(kernel)] = digest.hexdigest()
-        if cache:
+        if cache and kernel is not function:  # NUMBA_DISABLE_JIT compiles nothing.
             # Numba has no public way to name what else a kernel depends on.
             kernel._cache._cache_file._source_stamp = digest.hexdigest()
         return kernel
