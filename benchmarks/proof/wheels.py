@@ -5,7 +5,8 @@
 Interpreters are those of the PATH and of pyenv. Each environment starts as a copy of the bare
 installation, so that a row holds what the extra adds. After each installation `dynid --version`,
 the analysis of a robot and the import of the extra's packages have to work; the bare one also reads
-the example log. Packages come from the index or pip's cache, as wheels only.
+the example log. `oldest` is what the oldest packages that the requirements of the bare installation
+allow make of that log. Packages come from the index or pip's cache, as wheels only.
 """
 
 import argparse
@@ -19,6 +20,8 @@ import venv
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+LOG = ROOT / "examples" / "data" / "ur5_no6.csv.gz"
 MODULES = {
     "sim": "mujoco",
     "ur": "rtde_control",
@@ -79,8 +82,10 @@ def install(case: str, python: Path, dist: Path) -> None:
     match case:
         case "bare":
             pip(python, wheel)
-            log = ROOT / "examples" / "data" / "ur5_no6.csv.gz"
-            run(python, "-m", "dynid", "import", log, "--robot", "ur5", "-o", "log.parquet")
+            run(python, "-m", "dynid", "import", LOG, "--robot", "ur5", "-o", "log.parquet")
+        case "oldest":
+            pip(python, *(words.replace(">=", "==") for words in PROJECT["dependencies"]))
+            run(python, "-m", "dynid", "fit", "ur5", LOG, "-o", "fitted")
         case "sdist":
             (source,) = dist.glob("dynid-*.tar.gz")
             pip(python, "--no-deps", "--force-reinstall", "--no-binary", "dynid", source)
@@ -107,8 +112,7 @@ def megabytes(folder: Path) -> float:
 
 def main() -> int:
     """Build, install, print a row each."""
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    known = ["bare", "sdist", *extras["optional-dependencies"], "urtwin"]
+    known = ["bare", "sdist", "oldest", *PROJECT["optional-dependencies"], "urtwin"]
     known.remove("dev")
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("--pythons", nargs="+", default=["3.11", "3.12", "3.13"])
@@ -125,7 +129,8 @@ def main() -> int:
                 continue
             bare = Path(place) / version
             subprocess.run([own, "-m", "venv", str(bare)], check=True)
-            for case in ["bare", *(name for name in asked.only if name != "bare")]:
+            left = {"bare"} if version == "3.11" else {"bare", "oldest"}  # No wheels then.
+            for case in ["bare", *(name for name in asked.only if name not in left)]:
                 folder = bare if case == "bare" else Path(place) / f"{version}-{case}"
                 if case != "bare":
                     shutil.copytree(bare, folder, symlinks=True, copy_function=_link)

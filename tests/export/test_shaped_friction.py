@@ -263,7 +263,7 @@ def test_dry_friction_of_robot_files_holds_that_of_a_constant_load(tmp_path: Pat
     weight = 20.0 * float(np.linalg.norm(lift().gravity))
     done = write_model(lift_estimate(), tmp_path / "arm.urdf", "urdf")
     loaded = pin.buildModelFromUrdf(str(tmp_path / "arm.urdf"))
-    assert loaded.upperDryFrictionLimit[0] == pytest.approx(3.0 + 0.1 * weight, rel=1e-6)
+    assert loaded.friction[0] == pytest.approx(3.0 + 0.1 * weight, rel=1e-6)
     assert loaded.damping[0] == pytest.approx(5.0, rel=1e-6)
     assert done.friction is not None
     assert done.friction.missing[0] < EXACT * weight
@@ -295,7 +295,7 @@ def test_friction_of_speed_alone_is_written_as_identified(tmp_path: Path) -> Non
     parameters = parameters_of(robot, 0, terms)
     done = write_model(estimate_of(robot, parameters, terms), tmp_path / "arm.urdf", "urdf")
     loaded = pin.buildModelFromUrdf(str(tmp_path / "arm.urdf"))
-    np.testing.assert_allclose(loaded.upperDryFrictionLimit, parameters[60:66], rtol=1e-9)
+    np.testing.assert_allclose(loaded.friction, parameters[60:66], rtol=1e-9)
     assert done.friction is not None
     assert not done.friction.stands_in
     np.testing.assert_allclose(done.friction.missing, parameters[-6:], rtol=1e-9)

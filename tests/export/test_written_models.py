@@ -90,7 +90,7 @@ def test_urdf_by_pinocchio_from_its_own_numbers(tmp_path: Path) -> None:
         loaded.armature = _armature(tmp_path / "arm.urdf", n)
         assert list(loaded.names)[1:] == list(robot.joint_names)
         np.testing.assert_allclose(loaded.damping, parameters[11 * n : 12 * n], rtol=1e-9)
-        np.testing.assert_allclose(loaded.upperDryFrictionLimit, parameters[10 * n : 11 * n])
+        np.testing.assert_allclose(loaded.friction, parameters[10 * n : 11 * n])
         states = random_motion(robot)
         for q, dq, ddq in zip(states.q[:20], states.dq[:20], states.ddq[:20], strict=True):
             theirs = pin.rnea(loaded, loaded.createData(), q, dq, ddq)

@@ -27,7 +27,8 @@ def roll_pitch_yaw(rotation: Array) -> tuple[float, float, float]:
 
 def quaternion(rotation: Array) -> Array:
     """(4) w, x, y, z of a rotation (3, 3), w not negative."""
-    turned = scipy_part("spatial.transform").Rotation.from_matrix(rotation)
+    # A copy: SciPy 1.11 takes no array that is read-only.
+    turned = scipy_part("spatial.transform").Rotation.from_matrix(np.array(rotation))
     return np.roll(turned.as_quat(canonical=True), 1)
 
 

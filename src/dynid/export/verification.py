@@ -216,7 +216,7 @@ def urdf_torque(
             _place(model, pose, name, value)
         speed[at], acceleration[at] = dq, ddq
         torque[k] = pin.rnea(model, data, pose, speed, acceleration)[at]
-    rubbing = model.damping[at] * states[1] + model.upperDryFrictionLimit[at] * np.sign(states[1])
+    rubbing = model.damping[at] * states[1] + model.friction[at] * np.sign(states[1])
     return torque + rubbing, f"pinocchio {pin.__version__}"
 
 

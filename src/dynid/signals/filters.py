@@ -90,7 +90,7 @@ def _continued(sections: Array, values: Array, beyond: int, share: float) -> Arr
     def state(of: Array) -> Array:
         return signal.sosfilt(sections, of, axis=0, zi=rest * of[0])[1].reshape(ORDER, -1)
 
-    cubics = np.linalg.lstsq(state(powers[: len(last)]), state(last - last[-1]))[0]
+    cubics = np.linalg.lstsq(state(powers[: len(last)]), state(last - last[-1]), rcond=None)[0]
     return last[-1] + powers[len(last) :] @ cubics
 
 

@@ -109,7 +109,7 @@ def _fit(columns: tuple[Array, ...], error: Array, blocks: float) -> tuple[Array
     apart = np.abs(np.diag(upper_triangle(stack / np.maximum(size, 1e-300))))
     seen = (apart > max(apart[-1] / np.sqrt(blocks), 1e-6)) & (size > 1e-9 * size[:-1].max())
     seen[-1], values = False, np.full(stack.shape[1] - 1, np.nan)
-    values[seen[:-1]] = np.linalg.lstsq(stack[:, seen] / size[seen], error)[0] / size[seen]
+    values[seen[:-1]] = np.linalg.pinv(stack[:, seen] / size[seen]) @ error / size[seen]
     return values, [np.nan_to_num(v) * column for v, column in zip(values, columns, strict=True)]
 
 
