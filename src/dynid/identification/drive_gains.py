@@ -17,6 +17,7 @@ from dynid.core import (
     told,
     upper_triangle,
 )
+from dynid.identification.least_squares import solve_rows
 from dynid.identification.shared import PAYLOAD, SINGULAR, SharedProblem, shared_sandwich
 from dynid.identification.statistics import correlation_lag, long_run_covariance
 
@@ -325,36 +326,20 @@ def _values(data: tuple[Array, Array, Array], gain: Array, noise: Array) -> Arra
     columns, fixed, current = data
     rows = np.concatenate([columns, (current * gain[:, None] - fixed)[..., None]], axis=3)
     rows = rows / (noise * gain)[:, :, None, None]
-    return _solved(rows.reshape(-1, rows.shape[-1]))[0]
+    return solve_rows(rows.reshape(-1, rows.shape[-1]), SINGULAR)[0]
 
 
 def _solved_with_gains(
     own: Array, columns: Array, target: Array, noise: Array
 ) -> tuple[Array, Array]:
-    """As `_solved`, of weighted rows with a column (R, n, h) of each joint before the others."""
+    """As `solve_rows`, of weighted rows with a column (R, n, h) of each joint before the others."""
     records, joints, height, size = columns.shape
     rows = np.zeros((records, joints, height, joints + size + 1))
     for j in range(joints):
         rows[:, j, :, j] = own[:, j]
     rows[..., joints:-1], rows[..., -1] = columns, target
-    return _solved((rows / noise[:, :, None, None]).reshape(-1, joints + size + 1))
-
-
-def _solved(rows: Array) -> tuple[Array, Array]:
-    """Least squares for [A b] with columns of unit norm, and the triangular root of A'A."""
-    norms = np.linalg.norm(rows[:, :-1], axis=0)
-    if (norms == 0).any():
-        raise JobError("a parameter has no effect on any current of these recordings")
-    upper = upper_triangle(rows / np.append(norms, 1.0))
-    root = upper[:-1, :-1]
-    pivots = np.abs(np.diag(root))
-    if pivots.min() < SINGULAR * pivots.max():
-        raise JobError(
-            "the records and the payload leave a gain or a parameter open",
-            value=f"smallest pivot {pivots.min():.1e}",
-            next_step="Record motions that load and accelerate every joint.",
-        )
-    return inverse_upper(root) @ upper[:-1, -1] / norms, root * norms
+    weighted = rows / noise[:, :, None, None]
+    return solve_rows(weighted.reshape(-1, joints + size + 1), SINGULAR)
 
 
 def _covariance(

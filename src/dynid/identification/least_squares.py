@@ -186,31 +186,41 @@ def solve(factors: Array, weights: Array, prior_gain: float | None = None) -> tu
         JobError: Singular to working precision.
     """
     r = factors.shape[1] - 1
-    stacked = (factors * weights[:, None, None]).reshape(-1, r + 1)
-    scale = np.linalg.norm(stacked[:, :r], axis=0)
-    if (scale == 0).any() and prior_gain is None:
-        raise JobError(
-            "a base parameter has no effect on any torque of this recording",
-            next_step="The motion stands still or moves too few joints: record more, lock the "
-            "joints that stand still ([locked] in a robot file), or use --preset best.",
-        )
-    # What no torque shows stays with the prior: zero.
-    scale = np.where(scale == 0, 1.0, scale)
-    stacked = stacked / np.append(scale, 1.0)
+    rows = (factors * weights[:, None, None]).reshape(-1, r + 1)
     if prior_gain is not None:
         # Column k explains norm(scale_k p_k) of the norm of all torques.
-        expected = prior_gain * np.linalg.norm(stacked[:, r])
-        stacked = np.vstack([stacked, np.eye(r, r + 1) / max(expected, 1e-300)])
-    upper = upper_triangle(stacked)
-    diagonal = np.abs(np.diag(upper)[:r])
-    if diagonal.min() < 1e-13 * diagonal.max():
+        scale = np.linalg.norm(rows, axis=0)
+        # What no torque shows stays with the prior: zero.
+        scale[scale == 0] = 1.0
+        expected = max(prior_gain * np.linalg.norm(rows[:, r]), 1e-300)
+        rows = np.vstack([rows, np.eye(r, r + 1) * scale / expected])
+    return solve_rows(rows)
+
+
+def solve_rows(rows: Array, singular: float = 1e-13) -> tuple[Array, Array]:
+    """Least squares for [A b] (m, r + 1), columns of unit norm; values (r), the root (r, r) of A'A.
+
+    Raises:
+        JobError: A smallest pivot over the largest below `singular`, or a column of zeros.
+    """
+    scale = np.linalg.norm(rows[:, :-1], axis=0)
+    if (scale == 0).any():
+        raise JobError(
+            "a parameter has no effect on any torque or current of these recordings",
+            next_step="The motion stands still or moves too few joints: record more, lock the "
+            "joints that stand still ([locked] in a robot file), or identify with --preset best.",
+        )
+    upper = upper_triangle(rows / np.append(scale, 1.0))
+    root = upper[:-1, :-1]
+    pivots = np.abs(np.diag(root))
+    if pivots.min() < singular * pivots.max():
         raise JobError(
             "the observation matrix is singular to working precision",
-            value=f"smallest pivot {diagonal.min():.1e}",
-            next_step="Record a motion that excites every joint, or use --preset best.",
+            value=f"smallest pivot {pivots.min():.1e}",
+            next_step="Record motions that load and accelerate every joint, or identify with "
+            "--preset best.",
         )
-    values = solve_upper(upper[:r, :r], upper[:r, r]) / scale
-    return values, upper[:r, :r] * scale
+    return solve_upper(root, upper[:-1, -1]) / scale, root * scale
 
 
 def autocorrelation(residual: Array, lag: int) -> Array:

@@ -1,6 +1,6 @@
 """The linear problem: observation matrix and torques, their factors and condition numbers."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -56,24 +56,21 @@ class IdentificationProblem(Value):
         """Rows a second."""
         return self.samples.rate_hz / self.samples.block
 
-    def parts(self) -> Iterator[tuple[slice, slice]]:
-        """Rows and samples of parts of the problem that fit in the cache."""
-        used, block = self.samples.rows, self.samples.block
-        step = max(1, chunk_size(self.samples) // block)
-        for first in range(0, self.blocks, step):
-            rows = slice(first, min(first + step, self.blocks))
-            yield rows, slice(used.start + rows.start * block, used.start + rows.stop * block)
+    def chunks(self, columns: Sequence[int] | None = None) -> Iterator[tuple[slice, Array, Array]]:
+        """Parts of the problem that fit in the cache, torques and columns averaged alike.
 
-    def chunks(self) -> Iterator[tuple[slice, Array, Array]]:
-        """Parts of the problem, torques and columns averaged alike.
+        Of the model's columns (r) those of the base are meant, if no others are named.
 
         Yields:
             Rows covered, columns (r, n, T), torques (n, T) with known torques added.
         """
         model, samples, block = self.base.model, self.samples, self.samples.block
-        columns = list(self.base.independent)
-        for rows, part in self.parts():
-            stack, torque = recorded_rows(model, samples, part, columns, self.state)
+        chosen = list(self.base.independent if columns is None else columns)
+        used, step = samples.rows, max(1, chunk_size(samples) // block)
+        for first in range(0, self.blocks, step):
+            rows = slice(first, min(first + step, self.blocks))
+            part = slice(used.start + rows.start * block, used.start + rows.stop * block)
+            stack, torque = recorded_rows(model, samples, part, chosen, self.state)
             yield rows, block_mean(stack, block), block_mean(torque, block)
 
     def residual(self, values: Array) -> Array:
@@ -148,8 +145,18 @@ def joint_factors(problem: IdentificationProblem, row_weights: Array | None = No
     if isinstance(problem, SummedProblem):
         return problem.factors
     joints, width = problem.samples.joints, problem.base.rank + 1
+    return triangles(problem.chunks(), joints, width, row_weights)
+
+
+def triangles(
+    chunks: Iterable[tuple[slice, Array, Array]],
+    joints: int,
+    width: int,
+    row_weights: Array | None = None,
+) -> Array:
+    """(n, w, w) as `joint_factors`, of chunks as of a problem, w - 1 columns each."""
     factors = np.zeros((joints, width, width))
-    for part, columns, torque in problem.chunks():
+    for part, columns, torque in chunks:
         for j in range(joints):
             rows = np.vstack([columns[:, j], torque[j]]).T
             if row_weights is not None:

@@ -2,8 +2,8 @@
 
 Inertias are the same in every record; friction is not (cold, warm, another day). Ordered record
 by record, the observation matrix has its own columns in blocks on the diagonal and the shared
-columns beside them. QR of each record removes its own columns; what is left of all records gives
-the shared parameters; back-substitution gives the rest. No matrix is larger than one record's.
+columns beside them. Of each record only the triangle of its QR is kept, so the whole problem has as
+many rows as records have columns.
 """
 
 from collections.abc import Callable, Iterator
@@ -14,17 +14,15 @@ import numpy as np
 from dynid.core import (
     Array,
     InputError,
-    JobError,
     Value,
     inverse_upper,
-    solve_upper,
     upper_triangle,
 )
 from dynid.identification.bayesian import symbol_of
 from dynid.identification.estimate import Estimate
 from dynid.identification.fitting import EstimateSource, judged
-from dynid.identification.least_squares import Fit, autocorrelation
-from dynid.identification.problem import IdentificationProblem, block_mean, recorded_rows
+from dynid.identification.least_squares import Fit, autocorrelation, solve_rows
+from dynid.identification.problem import IdentificationProblem, triangles
 from dynid.identification.statistics import correlation_lag, long_run_covariance, scores_of
 from dynid.reduction import BaseParametrization
 
@@ -111,26 +109,17 @@ class SharedProblem:
             does not carry, torques (n, T).
         """
         problem = self.problems[record]
-        model, samples, block = problem.base.model, problem.samples, problem.samples.block
-        carries = bool(self.loaded) and self.loaded[record]
         last = 10 * (self.joints - 1)
-        tail = list(range(last, last + self.payload))
         order = [problem.base.independent[k] for k in (*self.own, *self.common)]
-        for rows, part in problem.parts():
-            columns, torque = recorded_rows(model, samples, part, order + tail, problem.state)
-            if tail and not carries:
+        for rows, columns, torque in problem.chunks([*order, *range(last, last + self.payload)]):
+            if self.payload and not self.loaded[record]:
                 columns[-PAYLOAD:] = 0.0
-            yield rows, block_mean(columns, block), block_mean(torque, block)
+            yield rows, columns, torque
 
     def factors(self, record: int) -> Array:
         """(n, w + 1, w + 1) triangular factors of a record's joints, w = f + shared."""
         width = len(self.own) + self.shared + 1
-        found = np.zeros((self.joints, width, width))
-        for _, columns, torque in self.chunks(record):
-            for j in range(self.joints):
-                rows = np.vstack([columns[:, j], torque[j]]).T
-                found[j] = upper_triangle(np.vstack([found[j], rows]))
-        return found
+        return triangles(self.chunks(record), self.joints, width)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,7 +143,7 @@ UNKNOWN = 100.0
 
 
 def solve_shared(factors: Array, weights: Array, own: int, payload: int = 0) -> SharedSolution:
-    """Solve by elimination of each record's own parameters, the first `own` columns.
+    """Solve for each record's own parameters, the first `own` columns, and for those of all.
 
     With factors (R, n, w + 1, w + 1) and weights (R, n) [1/(N.m)] of each record and joint. The
     last `payload` columns have a prior of zero +- `UNKNOWN`: not every arm shows all of a payload.
@@ -163,47 +152,17 @@ def solve_shared(factors: Array, weights: Array, own: int, payload: int = 0) -> 
         JobError: A parameter that no record shows, or a singular problem.
     """
     records, width = len(factors), factors.shape[-1] - 1
-    rows = (factors * weights[:, :, None, None]).reshape(records, -1, width + 1)
-    own_scale = np.linalg.norm(rows[:, :, :own], axis=1)
-    shared_scale = np.linalg.norm(rows[:, :, own:width], axis=(0, 1))
-    known = np.repeat([0.0, 1 / UNKNOWN], [width - own - payload, payload])
-    shared_scale = np.hypot(shared_scale, known)
-    if (own_scale == 0).any() or (shared_scale == 0).any():
-        raise JobError(
-            "a parameter has no effect on any torque of these recordings",
-            next_step="A motion stands still or moves too few joints: record more.",
-        )
-    tops: list[Array] = []
-    rests = [np.diag(np.append(known / shared_scale, 0.0))] if payload else []
-    for k in range(records):
-        scale = np.concatenate([own_scale[k], shared_scale, [1.0]])
-        upper = upper_triangle(rows[k] / scale)
-        tops.append(upper[:own])
-        rests.append(upper[own:, own:])
-    count = width - own
-    left = upper_triangle(np.vstack(rests))
-    pivots = np.abs(
-        np.concatenate([np.diag(left)[:count], *[np.diag(top[:, :own]) for top in tops]])
-    )
-    if pivots.min() < SINGULAR * pivots.max():
-        raise JobError(
-            "the records together are singular to working precision",
-            value=f"smallest pivot {pivots.min():.1e}",
-            next_step="Record motions that excite every joint.",
-        )
-    shared = solve_upper(left[:count, :count], left[:count, count])
-    solved = [solve_upper(t[:, :own], t[:, width] - t[:, own:width] @ shared) for t in tops]
-    size = records * own + count
-    root = np.zeros((size, size))
-    for k, top in enumerate(tops):
-        here = slice(k * own, (k + 1) * own)
-        root[here, here] = top[:, :own] * own_scale[k]
-        root[here, records * own :] = top[:, own:width] * shared_scale
-    root[records * own :, records * own :] = left[:count, :count] * shared_scale
+    first = records * own
+    size = first + width - own
+    wide = np.zeros((records, width + 1, size + 1))
+    for k, rows in enumerate(factors * weights[:, :, None, None]):
+        upper = upper_triangle(rows.reshape(-1, width + 1))
+        wide[k, :, k * own : (k + 1) * own] = upper[:, :own]
+        wide[k, :, first:] = upper[:, own:]
+    known = np.eye(payload, size + 1, size - payload) / UNKNOWN
+    values, root = solve_rows(np.vstack([*wide, known]), SINGULAR)
     return SharedSolution(
-        own=np.array(solved).reshape(records, own) / own_scale,
-        shared=shared / shared_scale,
-        information=root,
+        own=values[:first].reshape(records, own), shared=values[first:], information=root
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from dynid.core import Array, Indices, InputError, Mask, scipy_part
 from dynid.identification.bayesian import not_negative, published_prior
-from dynid.identification.problem import block_mean, chunk_size, motion_state, recorded_rows
+from dynid.identification.problem import IdentificationProblem, block_mean
 from dynid.identification.selection import gram
 from dynid.identification.selection.columns import (
     DISPLACEMENTS,
@@ -273,7 +273,7 @@ class ScoreSearch:
         inertias: Array | None,
     ) -> Iterator[tuple[slice, Array]]:
         """Rows covered and (m, n, T): shared columns, candidate columns, torques by delay."""
-        rate, block, used = signals.rate_hz, samples.block, samples.rows
+        rate = signals.rate_hz
         kept = np.round(samples.t * rate).astype(int)
         circular = settings.period_s is not None
         torques = np.stack(
@@ -287,20 +287,16 @@ class ScoreSearch:
         own = np.empty((len(columns.positive), *load.shape))
         for j, joint in enumerate(each):
             own[:, j] = columns.values(j, *joint)
-        own = samples.as_recorded(own)
         # The torques come in several versions: only what is added to them is wanted here.
         still = replace(samples, tau=np.zeros(samples.q.shape))
-        state = motion_state(self.base.model, samples)
-        count = (used.stop - used.start) // block
-        step = max(1, chunk_size(samples) // block)
-        for first in range(0, count, step):
-            rows = slice(first, min(first + step, count))
-            part = slice(used.start + rows.start * block, used.start + rows.stop * block)
-            stack, known = recorded_rows(
-                self.base.model, still, part, list(self.base.independent), state
-            )
-            values = np.concatenate([stack, own[:, :, part], torques[:, :, part] + known])
-            yield rows, block_mean(values, block)
+        problem = IdentificationProblem(base=self.base, samples=still)
+        used = slice(samples.rows.start, samples.rows.start + problem.blocks * samples.block)
+        own, torques = (
+            block_mean(values[..., used], samples.block)
+            for values in (samples.as_recorded(own), torques)
+        )
+        for rows, stack, known in problem.chunks():
+            yield rows, np.concatenate([stack, own[:, :, rows], torques[:, :, rows] + known])
 
     def picks_at(
         self,
