@@ -1,5 +1,7 @@
 """Can the result be trusted? Findings in words, with codes."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from dynid.core import Array, Finding
@@ -34,7 +36,7 @@ def diagnose(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
     )
 
 
-def ill_conditioned(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
+def ill_conditioned(estimate: Estimate, samples: Samples) -> Iterator[Finding]:
     """Whether directions of the parameters are nearly invisible in the data."""
     number = estimate.motion_condition_number
     one_way = one_way_joints(samples)
@@ -50,17 +52,14 @@ def ill_conditioned(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]
             "be told from gravity and only noise keeps the condition number at "
             f"{estimate.condition_number:.1e}"
         )
-    if not text:
-        return ()
-    return (
-        Finding(
+    if text:
+        yield Finding(
             "ill_conditioned",
             "; ".join(text) + ". Some combinations of parameters are poorly excited",
             severity="error",
             value=number,
             next_step=_EXCITE,
-        ),
-    )
+        )
 
 
 def one_way_joints(samples: Samples) -> tuple[int, ...]:
@@ -73,7 +72,7 @@ def one_way_joints(samples: Samples) -> tuple[int, ...]:
     return tuple(found)
 
 
-def low_excitation(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
+def low_excitation(estimate: Estimate, samples: Samples) -> Iterator[Finding]:
     """Joints that move little, slowly or one way only; too many uncertain parameters."""
     one_way = one_way_joints(samples)
     found: list[str] = []
@@ -93,19 +92,16 @@ def low_excitation(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
         found.append(
             f"{uncertain} of {len(estimate.values)} parameters have standard deviations above 100 %"
         )
-    if not found:
-        return ()
-    return (
-        Finding(
+    if found:
+        yield Finding(
             "low_excitation",
             "the motion excites too little: " + "; ".join(found[:8]),
             severity="error",
             next_step=_EXCITE,
-        ),
-    )
+        )
 
 
-def not_physical(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
+def not_physical(estimate: Estimate, samples: Samples) -> Iterator[Finding]:
     """Friction or motor inertia below zero beyond doubt, or an indefinite mass matrix."""
     found = [
         f"{name} = {value:.3g} +- {std:.2g} {unit}"
@@ -117,22 +113,20 @@ def not_physical(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
     advice = (
         "do not simulate or invert this model; --estimator sdp fits physically consistent bodies"
     )
-    told: list[Finding] = []
     if found:
         text = f"significantly negative: {', '.join(found)}"
-        told.append(Finding("negative_friction", text, next_step=advice))
+        yield Finding("negative_friction", text, next_step=advice)
     steps = [k for k, name in enumerate(estimate.names) if symbol_of(name) == "Fc"]
     negative = [k for k in steps if estimate.values[k] < -CERTAIN * estimate.std[k]]
     if 2 * len(negative) > len(steps):
         joints = tuple(int(estimate.names[k][2:]) - 1 for k in negative)
         text = "the sign of the torques is probably reversed"
-        told.append(Finding("reversed", text, joints=joints, value=-1.0))
+        yield Finding("reversed", text, joints=joints, value=-1.0)
     smallest, std = smallest_mass_eigenvalue(estimate, samples)
     if smallest < -CERTAIN * std:
         size = f"{smallest:.2g} +- {std:.1g}"
         text = f"the mass matrix is not positive at some poses (eigenvalue {size})"
-        told.append(Finding("indefinite_mass", text, value=smallest, std=std, next_step=advice))
-    return tuple(told)
+        yield Finding("indefinite_mass", text, value=smallest, std=std, next_step=advice)
 
 
 def smallest_mass_eigenvalue(estimate: Estimate, samples: Samples) -> tuple[float, float]:
@@ -150,18 +144,15 @@ def smallest_mass_eigenvalue(estimate: Estimate, samples: Samples) -> tuple[floa
     return float(sizes[worst, 0]), float(np.sqrt(max(row @ estimate.covariance @ row, 0.0)))
 
 
-def non_white(estimate: Estimate) -> tuple[Finding, ...]:
+def non_white(estimate: Estimate) -> Iterator[Finding]:
     """Whether the residuals are correlated in time."""
     rho: Array = estimate.residual_autocorrelation
-    if rho.max(initial=0.0) <= CORRELATED:
-        return ()
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = float(np.nanmedian(estimate.std / estimate.naive_std))
-    return (
-        Finding(
+    if rho.max(initial=0.0) > CORRELATED:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = float(np.nanmedian(estimate.std / estimate.naive_std))
+        yield Finding(
             "non_white_residuals",
             f"residuals are correlated in time (up to {rho.max():.2f} from sample to sample): "
             f"the standard deviations given allow for it; naive ones would be {ratio:.1f} times "
             "smaller",
-        ),
-    )
+        )

@@ -4,6 +4,7 @@ Without motion the torques are those of gravity, plus any torque within the band
 can hold. A prior on the published inertias bears what the poses do not show.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -229,15 +230,14 @@ def gravity_of(robot: RobotModel, q: Array, torque: Array, *, frames: str = "") 
         published=_rms(given) if robot.published.all() else None,
         band=band,
         band_std=band_std,
-        warnings=_doubts(torque, expected) if robot.published.all() else (),
+        warnings=tuple(_doubts(torque, expected)) if robot.published.all() else (),
     )
 
 
-def _doubts(torque: Array, expected: Array) -> tuple[Finding, ...]:
+def _doubts(torque: Array, expected: Array) -> Iterator[Finding]:
     """Torques (P, n) that are nearer to the negative of what is expected, or to none of it."""
     ways = np.array([_rms(torque - expected), _rms(torque + expected), _rms(torque)])
     nearest = np.where(ways.min(axis=0) < ways[0] / 2, ways.argmin(axis=0), 0)
-    found: list[Finding] = []
     for way, kind, what, step in (
         (1, "reversed", "are nearer to their negative", "check the signs of torque and position"),
         (2, "gravity_compensated", "contain no gravity", "record the whole torque"),
@@ -246,8 +246,7 @@ def _doubts(torque: Array, expected: Array) -> tuple[Finding, ...]:
         if joints:
             which = " ".join(str(j + 1) for j in joints)
             text = f"beside those of published inertias, torques of joint {which} {what}"
-            found.append(Finding(kind, text, joints=joints, next_step=step))
-    return tuple(found)
+            yield Finding(kind, text, joints=joints, next_step=step)
 
 
 def _rms(errors: Array) -> Array:

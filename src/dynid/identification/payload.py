@@ -6,6 +6,7 @@ in the arm's parameters of both, and leaves the payload alone.
 """
 
 import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -200,47 +201,37 @@ def payload_of(problem: SharedProblem, fit: SharedFit) -> Payload:
         covariance=covariance,
         noise=fit.noise,
         samples=sum(item.blocks for item in problem.problems),
-        warnings=_findings(free, covariance),
+        warnings=tuple(_findings(free, covariance)),
     )
 
 
-def _findings(free: Array, covariance: Array) -> tuple[Finding, ...]:
-    notices: list[Finding] = []
+def _findings(free: Array, covariance: Array) -> Iterator[Finding]:
     unseen = np.sqrt(np.diag(covariance)) > UNKNOWN / 2
     if unseen.any():
         names = ", ".join(itertools.compress(PARAMETERS, unseen))
         text = f"no torque of these motions depends on {names} of the payload"
-        notices.append(Finding("low_excitation", text))
+        yield Finding("low_excitation", text)
     spread = float(np.sqrt(covariance[0, 0]))
     half = NORMAL_95 * spread
     if -SWAPPED * spread < free[0] < half:
-        notices.append(
-            Finding(
-                "low_excitation",
-                f"a payload of {free[0]:.3g} kg +- {half:.2g} kg is not significant",
-            )
-        )
+        text = f"a payload of {free[0]:.3g} kg +- {half:.2g} kg is not significant"
+        yield Finding("low_excitation", text)
     # Of swapped runs the negative is a body.
     held = -free if free[0] < -half else free
     gap = nearest_body(held, covariance) - held
     distance = float(gap @ np.linalg.solve(covariance, gap))
     # Chi-square with ten degrees of freedom passes 29.6 once in a thousand times.
-    if distance <= 29.6 and free[0] < -SWAPPED * spread:
-        notices.append(
-            Finding(
-                "not_physical",
-                f"the loaded runs carry {-free[0]:.3g} kg less than the unloaded ones: "
-                "they may have been swapped",
-                next_step="give the recording without the payload first",
-            )
-        )
     if distance > 29.6:
-        notices.append(
-            Finding(
-                "not_physical",
-                "no physically consistent body is near the least-squares estimate (distance "
-                f"{np.sqrt(distance):.1f} standard deviations): the runs differ in more than "
-                "the payload",
-            )
+        yield Finding(
+            "not_physical",
+            "no physically consistent body is near the least-squares estimate (distance "
+            f"{np.sqrt(distance):.1f} standard deviations): the runs differ in more than "
+            "the payload",
         )
-    return tuple(notices)
+    elif free[0] < -SWAPPED * spread:
+        yield Finding(
+            "not_physical",
+            f"the loaded runs carry {-free[0]:.3g} kg less than the unloaded ones: "
+            "they may have been swapped",
+            next_step="give the recording without the payload first",
+        )

@@ -9,7 +9,7 @@ Temperature laws stand in an estimate's file as one more object, `temperature`: 
 estimates reads it, as the estimate in the middle of the records' temperatures.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
@@ -275,11 +275,11 @@ class TemperatureModel(Value):
             covariance=covariance,
             naive_std=np.sqrt(np.maximum(np.diag(naive), 0.0)),
             choices=(*choices, f"{CHOICE}{' '.join(f'{x:.3g}' for x in wanted)} degC"),
-            warnings=_beyond(self.laws, wanted.tolist()),
+            warnings=tuple(_beyond(self.laws, wanted.tolist())),
         )
 
 
-def _beyond(laws: Sequence[JointTemperatureLaw], wanted: Sequence[float]) -> tuple[Finding, ...]:
+def _beyond(laws: Sequence[JointTemperatureLaw], wanted: Sequence[float]) -> Iterator[Finding]:
     """A word about temperatures [degC] that the records did not have; nothing if they had."""
     far = [
         f"joint {j + 1} at {degC:.3g} degC (records: {law.range_degC[0]:.3g} to "
@@ -287,9 +287,8 @@ def _beyond(laws: Sequence[JointTemperatureLaw], wanted: Sequence[float]) -> tup
         for j, (degC, law) in enumerate(zip(wanted, laws, strict=True))
         if not law.range_degC[0] - BEYOND_K <= degC <= law.range_degC[1] + BEYOND_K
     ]
-    if not far:
-        return ()
-    return (Finding("extrapolated", f"temperatures beyond the records: {', '.join(far)}"),)
+    if far:
+        yield Finding("extrapolated", f"temperatures beyond the records: {', '.join(far)}")
 
 
 KEY = "temperature"

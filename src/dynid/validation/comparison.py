@@ -5,6 +5,7 @@ share of its inertial torques.
 """
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Any
@@ -243,13 +244,12 @@ def _all_terms(*estimates: Estimate) -> str:
     return FrictionTerms(terms=tuple(terms)).describe()
 
 
-def comparison_warnings(a: Estimate, b: Estimate) -> tuple[Finding, ...]:
+def comparison_warnings(a: Estimate, b: Estimate) -> Iterator[Finding]:
     """What may mislead in a comparison that is allowed."""
-    found: list[Finding] = []
     gains = [estimate.model.robot.drives.gain for estimate in (a, b)]
     if not np.allclose(*gains, rtol=_SAME_GAIN, atol=0, equal_nan=True):
         message = "the drive gains differ; parameters from currents are scaled by them"
-        found.append(Finding("unit_suspect", message))
+        yield Finding("unit_suspect", message)
     if _same_rows(a, b):
         message = "both are of one recording: their deviations are not independent"
         made = [estimate.provenance for estimate in (a, b)]
@@ -257,23 +257,22 @@ def comparison_warnings(a: Estimate, b: Estimate) -> tuple[Finding, ...]:
             message += ", and what moved is friction, which was refitted to another one"
         elif used_rows(a) == used_rows(b) and made[0].settings != made[1].settings:
             message += ", and what moved did so by the settings"
-        found.append(Finding("same_record", message))
+        yield Finding("same_record", message)
     else:
-        found += _other_motion(a, b)
+        yield from _other_motion(a, b)
     one, other = (_shapes(estimate.model) for estimate in (a, b))
     if apart := [name for name in one if one[name] != other[name]]:
         message = (
             f"the friction has other shapes ({', '.join(apart)}), which its parameters go with: "
             "identify both with --preset paper to compare friction"
         )
-        found.append(Finding("other_shape", message))
+        yield Finding("other_shape", message)
     own = [{notice.kind: notice.severity for notice in one.warnings} for one in (a, b)]
     for kind in sorted({*own[0], *own[1]} - {*OF_COMPARISON}):
         names = [name for name, told in zip(("first", "second"), own, strict=True) if kind in told]
         of = "both estimates" if len(names) > 1 else f"the {names[0]} estimate"
         worst = max((told.get(kind, "info") for told in own), key=SEVERITIES.index)
-        found.append(Finding(kind, f"a finding of {of}", severity=worst))
-    return tuple(found)
+        yield Finding(kind, f"a finding of {of}", severity=worst)
 
 
 REFIT = "refit"
@@ -315,7 +314,7 @@ def _shapes(model: InverseDynamicModel) -> dict[str, Any]:
     }
 
 
-def _other_motion(a: Estimate, b: Estimate) -> tuple[Finding, ...]:
+def _other_motion(a: Estimate, b: Estimate) -> Iterator[Finding]:
     """Whether the joints moved through different ranges, so that errors of the model differ, too.
 
     On a real UR5, two motions of one arm differ by 11 standard deviations, repetitions by one.
@@ -324,16 +323,14 @@ def _other_motion(a: Estimate, b: Estimate) -> tuple[Finding, ...]:
     span = np.maximum(*(np.ptp(pair, axis=0) for pair in ends))
     span = np.maximum(span, _STANDS)
     apart = np.abs(ends[0] - ends[1]).max(axis=0) > _SAME_RANGE * span
-    if not apart.any():
-        return ()
-    names = a.model.robot.joint_names
-    joints = tuple(map(int, np.flatnonzero(apart)))
-    message = (
-        f"the motions differ (range of {', '.join(names[j] for j in joints)}): what the model "
-        "leaves out may move parameters by more than their deviations. To see what moved, "
-        "record both with one design"
-    )
-    return (Finding("other_motion", message, joints=joints, severity="warning"),)
+    names, joints = a.model.robot.joint_names, tuple(map(int, np.flatnonzero(apart)))
+    if joints:
+        message = (
+            f"the motions differ (range of {', '.join(names[j] for j in joints)}): what the model "
+            "leaves out may move parameters by more than their deviations. To see what moved, "
+            "record both with one design"
+        )
+        yield Finding("other_motion", message, joints=joints, severity="warning")
 
 
 def _same_sum(one: str, other: str) -> bool:
@@ -480,7 +477,7 @@ def compare(a: EstimateLike, b: EstimateLike) -> ParameterComparison:
             _group(word, np.flatnonzero([kind == word for kind in kinds]), z, change, known)
             for word in words
         ),
-        warnings=comparison_warnings(a, b),
+        warnings=tuple(comparison_warnings(a, b)),
     )
 
 

@@ -3,6 +3,7 @@
 And whether it was made with another payload than the record that was identified from.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import chain, pairwise
 from typing import Any
@@ -56,7 +57,7 @@ FARTHEST_M, FARTHEST = 0.6, 0.5
 """Of its centre from the last joint's frame, or this share of the distances of all joints."""
 
 
-def another_payload(estimate: Estimate, samples: Samples, error: Array) -> tuple[Finding, ...]:
+def another_payload(estimate: Estimate, samples: Samples, error: Array) -> Iterator[Finding]:
     """Whether another mass at the last link explains the errors.
 
     The error (N, n) is measured minus predicted torques of the record's used rows [N.m or N], of
@@ -85,7 +86,7 @@ def another_payload(estimate: Estimate, samples: Samples, error: Array) -> tuple
     matrix, vector = square.sum(axis=0)[:POINT, :POINT], cross.sum(axis=0)[:POINT]
     before = float(np.square(weighted).sum())
     if before + float(point @ matrix @ point - 2 * point @ vector) > LEFT * before:
-        return ()
+        return
     lever = float(np.linalg.norm(point[1:] / scale[1:POINT])) * scale[0]
     # Its inertia counts for the mass: a load far from the joint's frame has much of it.
     masses = [fitted([k for k in everything if k != out], 10)[0] for out in everything]
@@ -93,10 +94,8 @@ def another_payload(estimate: Estimate, samples: Samples, error: Array) -> tuple
     mass = float(fitted(everything, 10)[0] / scale[0])
     apart = np.linalg.norm(model.robot.placements[:, :3, 3], axis=1).sum()
     farthest = max(FARTHEST_M, FARTHEST * float(apart))
-    if abs(mass) < CERTAIN * spread or lever > farthest * abs(point[0]):
-        return ()
-    return (
-        Finding(
+    if abs(mass) >= CERTAIN * spread and lever <= farthest * abs(point[0]):
+        yield Finding(
             "payload",
             f"the predicted record carries {abs(mass):.3g} +- {spread:.2g} kg "
             f"{'more' if mass > 0 else 'less'} at the last link than the identification's",
@@ -105,8 +104,7 @@ def another_payload(estimate: Estimate, samples: Samples, error: Array) -> tuple
             std=spread,
             unit="kg",
             next_step="predict what is carried, or find it with dynid payload",
-        ),
-    )
+        )
 
 
 EXTRAPOLATION = 1.15
@@ -251,7 +249,7 @@ def _settings(
 
 def _seen_before(
     estimate: Estimate, record: ExperimentRecord, start_s: float | None, stop_s: float | None
-) -> tuple[Finding, ...]:
+) -> Iterator[Finding]:
     own, end = identity(record), record.duration_s if stop_s is None else stop_s
     common = [
         (max(start_s or 0.0, start), min(end, stop, record.duration_s))
@@ -259,15 +257,12 @@ def _seen_before(
         if name == own
     ]
     first, last = max(common, key=lambda window: window[1] - window[0], default=(0.0, 0.0))
-    if last - first < OVERLAP_S:
-        return ()
-    return (
-        Finding(
+    if last - first >= OVERLAP_S:
+        yield Finding(
             "same_record",
             f"{first:.1f} to {last:.1f} s of the validation window are part of the record that was "
             "identified from: the error is not that of another motion",
-        ),
-    )
+        )
 
 
 def record_findings(robot: RobotModel, *records: AnyRecording) -> tuple[Finding, ...]:
@@ -276,24 +271,23 @@ def record_findings(robot: RobotModel, *records: AnyRecording) -> tuple[Finding,
     return tuple(dict.fromkeys(chain.from_iterable(found)))
 
 
-def _another_robot(robot: RobotModel, record: RecordMetadata) -> tuple[Finding, ...]:
+def _another_robot(robot: RobotModel, record: RecordMetadata) -> Iterator[Finding]:
     """Whether a record says that it is of another type of robot.
 
     Names of built-in robots tell; of others the distances of their axes, where the robot can be
     read.
     """
     if record.robot is None or record.robot == robot.name:
-        return ()
+        return
     if not {record.robot, robot.name} <= set(builtin_names()):
         try:
             theirs = _axes_apart(load_robot(record.robot, collision=False))
         except DynidError:
-            return ()
+            return
         ours = _axes_apart(robot)
         if len(ours) == len(theirs) and np.allclose(ours, theirs, rtol=0.0, atol=SAME_TYPE_M):
-            return ()
-    text = f"the record is of robot {record.robot}, not of {robot.name}"
-    return (Finding("another_robot", text),)
+            return
+    yield Finding("another_robot", f"the record is of robot {record.robot}, not of {robot.name}")
 
 
 PARALLEL = 0.01
@@ -345,7 +339,7 @@ def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:
     )
 
 
-def _extrapolated(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
+def _extrapolated(estimate: Estimate, samples: Samples) -> Iterator[Finding]:
     known, model = estimate.motion, estimate.model
     names = model.robot.joint_names
     units = ["m" if slides else "rad" for slides in model.robot.prismatic]
@@ -372,33 +366,25 @@ def _extrapolated(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
                 f"{names[j]} position {low[j]:.2g} to {high[j]:.2g} against "
                 f"{known.lower[j]:.2g} to {known.upper[j]:.2g} {units[j]}"
             )
-    if not found:
-        return ()
-    return (
-        Finding(
-            "other_motion",
-            "this record exceeds the range of the identification: " + "; ".join(found[:4]),
-        ),
-    )
+    if found:
+        text = "this record exceeds the range of the identification: " + "; ".join(found[:4])
+        yield Finding("other_motion", text)
 
 
 SAME_TORQUE = 1e-9
 """Of the largest: columns that differ by less are the same."""
 
 
-def _at_rest(estimate: Estimate, moving: Mask) -> tuple[Finding, ...]:
+def _at_rest(estimate: Estimate, moving: Mask) -> Iterator[Finding]:
     share = 1 - moving.mean(axis=0)
     worst = int(np.argmax(share))
-    if share.mean() <= REST_SHARE:
-        return ()
-    return (
-        Finding(
+    if share.mean() > REST_SHARE:
+        yield Finding(
             "at_rest",
             f"{100 * share.mean():.0f} % of the joint samples are at rest (most: "
             f"{estimate.model.robot.joint_names[worst]}, {100 * share[worst]:.0f} %): friction "
             "makes the torque ambiguous there: use the metrics of moving samples",
-        ),
-    )
+        )
 
 
 POSES, PLACES = 40, 41

@@ -4,7 +4,7 @@ import csv
 import importlib
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import compress, groupby
@@ -199,25 +199,25 @@ def _by_robot(recordings: Sequence[FleetRecording]) -> dict[str, list[FleetRecor
     return {name: list(group) for name, group in groupby(recordings, key=lambda one: one.robot)}
 
 
-def _missing(recordings: Sequence[FleetRecording], reference_degC: float | None) -> list[Finding]:
+def _missing(
+    recordings: Sequence[FleetRecording], reference_degC: float | None
+) -> Iterator[Finding]:
     """What the recordings do not say, and how to say it."""
     unnamed = [one.path for one in recordings if not one.robot]
     undated = [one.path for one in recordings if np.isnan(one.time_s)]
     unknown = [one.path for one in recordings if np.isnan(one.temperature_degC).any()]
-    found = [
-        Finding(
-            kind,
-            f"recordings without {what}: {len(names)} ({', '.join(names[:3])})",
-            value=float(len(names)),
-            next_step=f"give it in {MANIFEST} ({','.join(COLUMNS)})",
-        )
-        for kind, what, names in (
-            ("another_robot", "the name of a robot, taken as one robot", unnamed),
-            ("clock_mismatch", "a time, left out of the trends", undated),
-            ("extrapolated", "joint temperatures, which cannot be regressed out", unknown),
-        )
-        if names
-    ]
+    for kind, what, names in (
+        ("another_robot", "the name of a robot, taken as one robot", unnamed),
+        ("clock_mismatch", "a time, left out of the trends", undated),
+        ("extrapolated", "joint temperatures, which cannot be regressed out", unknown),
+    ):
+        if names:
+            yield Finding(
+                kind,
+                f"recordings without {what}: {len(names)} ({', '.join(names[:3])})",
+                value=float(len(names)),
+                next_step=f"give it in {MANIFEST} ({','.join(COLUMNS)})",
+            )
     temperatures = np.concatenate([one.temperature_degC for one in recordings])
     if reference_degC is not None and not np.isnan(temperatures).all():
         low, high = np.nanmin(temperatures), np.nanmax(temperatures)
@@ -226,7 +226,7 @@ def _missing(recordings: Sequence[FleetRecording], reference_degC: float | None)
                 f"the reference of {reference_degC:g} degC is beyond the joint temperatures of all "
                 f"recordings, {low:.3g} to {high:.3g} degC: friction there is extrapolated"
             )
-            found.append(Finding("extrapolated", text, next_step="Leave --reference out."))
+            yield Finding("extrapolated", text, next_step="Leave --reference out.")
     dated = [one for one in recordings if not np.isnan(one.time_s)]
     known = {name: len(group) for name, group in _by_robot(dated).items()}
     least = identification.LEAST_RECORDINGS
@@ -237,18 +237,17 @@ def _missing(recordings: Sequence[FleetRecording], reference_degC: float | None)
             f"robots with fewer than {least} recordings with a time have "
             f"no trends: {', '.join(few[:3])}{f' and {len(few) - 3} more' if few[3:] else ''}"
         )
-        found.append(Finding("not_diagnosed", text, value=float(len(few))))
-    return found
+        yield Finding("not_diagnosed", text, value=float(len(few)))
 
 
-def _unreachable(joints: Sequence[identification.JointState], family: float) -> list[Finding]:
+def _unreachable(joints: Sequence[identification.JointState], family: float) -> Iterator[Finding]:
     """Robots without alarms whatever happens; the family is all tests over the false alarms."""
     sizes = {one.robot: len(one.friction.std) for one in joints if one.friction is not None}
     # Of n recordings in all orders, n over n/2 have different ones before and after a step.
     few = [name for name, size in sizes.items() if math.comb(size, size // 2) < family]
-    text = f"no change of {', '.join(few[:3])} can raise an alarm yet: too few recordings for"
-    text += " so many trends"
-    return [Finding("not_diagnosed", text, value=float(len(few)))] if few else []
+    if few:
+        text = f"no change of {', '.join(few[:3])} can raise an alarm yet: too few recordings for"
+        yield Finding("not_diagnosed", f"{text} so many trends", value=float(len(few)))
 
 
 @one_thread()

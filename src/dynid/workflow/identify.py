@@ -6,7 +6,7 @@ tells, and the error of the model, which stays.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -299,24 +299,22 @@ def _seconds(record: recording.ExperimentRecord, settings: IdentifySettings) -> 
     return length if length > 0 else math.inf
 
 
-def gains_nothing(estimate: Estimate) -> tuple[Finding, ...]:
+def gains_nothing(estimate: Estimate) -> Iterator[Finding]:
     """Whether published inertias with fitted friction predict left-out parts as well."""
     told_by = estimate.assessment
     if told_by is None or told_by.pays is not False:
-        return ()
+        return
     errors = {name: float(np.linalg.norm(rms)) for name, rms in told_by.models.items()}
     fitted, identified = errors["published_friction"], errors["identified"]
     unit = joint_unit("N.m", estimate.model.robot.prismatic)
-    return (
-        Finding(
-            "identification_gains_nothing",
-            value=100.0 * (identified / max(fitted, 1e-12) - 1.0),
-            unit="%",
-            text=f"on parts left out, identified inertias err by {identified:.3g}, published ones "
-            f"with fitted friction and motor inertia by {fitted:.3g} {unit}: identifying the "
-            "inertias gains nothing",
-            next_step="Record a motion with more excitation, or use the published inertias",
-        ),
+    yield Finding(
+        "identification_gains_nothing",
+        value=100.0 * (identified / max(fitted, 1e-12) - 1.0),
+        unit="%",
+        text=f"on parts left out, identified inertias err by {identified:.3g}, published ones "
+        f"with fitted friction and motor inertia by {fitted:.3g} {unit}: identifying the "
+        "inertias gains nothing",
+        next_step="Record a motion with more excitation, or use the published inertias",
     )
 
 
@@ -324,29 +322,24 @@ def _another_load(validation: ValidationResult) -> bool:
     return any(finding.kind == "payload" for finding in validation.warnings)
 
 
-def over_fitted(training: ValidationResult, validation: ValidationResult) -> tuple[Finding, ...]:
+def over_fitted(training: ValidationResult, validation: ValidationResult) -> Iterator[Finding]:
     """Whether the model does much worse on another record than on its own, where joints move.
 
     At rest friction takes what it likes: neither more standstill nor a load says that.
     """
-    if _another_load(validation):
-        return ()
     ratio = validation.moving.rmse / training.moving.rmse
-    if not np.isfinite(ratio).any():
-        return ()
+    if _another_load(validation) or not np.isfinite(ratio).any():
+        return
     worst, typical = float(np.nanmax(ratio)), float(np.nanmedian(ratio))
-    if typical <= OVER_FITTED and worst <= 2 * OVER_FITTED:
-        return ()
-    return (
-        Finding(
+    if typical > OVER_FITTED or worst > 2 * OVER_FITTED:
+        yield Finding(
             "over_fitted",
             severity="info",
             value=typical,
             unit="1",
             text=f"errors on the validation record (moving joints) are {typical:.1f} times those "
             f"of the training record (worst joint {worst:.1f})",
-        ),
-    )
+        )
 
 
 POOR_DEVIATION = 50.0

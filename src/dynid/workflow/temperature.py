@@ -1,6 +1,6 @@
 """Friction at any joint temperature, from recordings at several."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -126,15 +126,12 @@ def identify_temperature(
     )
 
 
-def _findings(laws: Sequence[identification.JointTemperatureLaw]) -> tuple[Finding, ...]:
+def _findings(laws: Sequence[identification.JointTemperatureLaw]) -> Iterator[Finding]:
     flat = [str(j + 1) for j, law in enumerate(laws) if law.law == "constant"]
-    if not flat:
-        return ()
-    return (
-        Finding(
+    if flat:
+        yield Finding(
             "low_excitation",
             f"the temperatures of joints {', '.join(flat)} differ by less than "
             f"{identification.LEAST_SPREAD_K:g} K between the records: their friction is taken "
             "as constant",
-        ),
-    )
+        )
