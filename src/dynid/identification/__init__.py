@@ -73,8 +73,8 @@ from dynid.identification.selection.search import Selection as Selection
 from dynid.identification.selection.search import select as select
 from dynid.identification.shared import SharedFit as SharedFit
 from dynid.identification.shared import SharedProblem as SharedProblem
-from dynid.identification.shared import base_order as base_order
 from dynid.identification.shared import fit_shared as fit_shared
+from dynid.identification.shared import friction_order as friction_order
 from dynid.identification.shared import friction_parameters as friction_parameters
 from dynid.identification.shared import friction_places as friction_places
 from dynid.identification.shared import shared_estimates as shared_estimates

@@ -13,6 +13,7 @@ import numpy as np
 
 from dynid.core import (
     Array,
+    Indices,
     InputError,
     Value,
     inverse_upper,
@@ -44,7 +45,7 @@ def friction_parameters(base: BaseParametrization | Estimate) -> tuple[int, ...]
     )
 
 
-def friction_places(base: BaseParametrization) -> list[list[int]]:
+def friction_places(base: BaseParametrization | Estimate) -> list[list[int]]:
     """For each joint, which of `friction_parameters` are its own."""
     joint = [base.model.columns[base.independent[k]].joint for k in friction_parameters(base)]
     joints = range(base.model.robot.joints)
@@ -334,13 +335,20 @@ def _same_motion(a: IdentificationProblem, b: IdentificationProblem) -> bool:
 ESTIMATOR = "wls, shared"
 
 
-def base_order(problem: SharedProblem, fit: SharedFit, record: int) -> list[int]:
-    """(r) where the base parameters of a record stand in the covariance."""
-    records, own = fit.solution.own.shape
-    places = (*range(record * own, (record + 1) * own), *range(records * own, len(fit.covariance)))
-    bases = (*problem.own, *problem.common)
-    # Those of a payload, behind the common ones, are no base parameters.
-    return [place for _, place in sorted(zip(bases, places, strict=False))]
+def base_order(base: BaseParametrization | Estimate, records: int, record: int = 0) -> list[int]:
+    """(r) where the base parameters of one of so many records stand in `SharedFit.covariance`."""
+    own, order = friction_parameters(base), list[int]()
+    for k in range(len(base.independent)):
+        before = sum(friction < k for friction in own)
+        first, place = (record, before) if k in own else (records, k - before)
+        order.append(first * len(own) + place)
+    return order
+
+
+def friction_order(base: BaseParametrization | Estimate, records: int, c: list[int]) -> Indices:
+    """Where some of `friction_parameters` stand there, of each record in turn."""
+    first = len(friction_parameters(base)) * np.arange(records)
+    return np.asarray(np.add.outer(first, c).ravel(), dtype=np.intp)
 
 
 def shared_estimates(
@@ -351,16 +359,16 @@ def shared_estimates(
     words = (*source.choices, f"inertias shared by {len(problem.problems)} records")
     found: list[Estimate] = []
     for k, (item, record) in enumerate(zip(problem.problems, source.records, strict=True)):
-        order = base_order(problem, fit, k)
-        values, naive = flat[order], fit.naive[np.ix_(order, order)]
-        scale = np.sqrt(np.diag(naive))
-        precision = np.linalg.inv(naive / np.outer(scale, scale)) / np.outer(scale, scale)
-        root = np.linalg.cholesky((precision + precision.T) / 2).T
+        order = base_order(item.base, len(problem.problems), k)
+        values, rank = flat[order], len(order)
+        # Behind the parameters of the others, the root is that of these alone.
+        others = np.setdiff1d(np.arange(len(flat)), order)
+        root = upper_triangle(fit.solution.information[:, [*others, *order]])
         plain = Fit(
             values=values,
             noise=fit.noise[k],
             weights=1.0 / fit.noise[k],
-            information=np.asarray(root, dtype=np.float64),
+            information=root[-rank:, -rank:],
         )
         found.append(
             judged(
@@ -368,7 +376,7 @@ def shared_estimates(
                 plain,
                 replace(source, records=[record], choices=words),
                 covariance=fit.covariance[np.ix_(order, order)],
-                naive_std=scale,
+                naive_std=np.sqrt(np.diag(fit.naive)[order]),
                 estimator=ESTIMATOR,
                 residual_autocorrelation=autocorrelation(item.residual(values), 1),
             )

@@ -32,6 +32,12 @@ from dynid.core import (
     write_json,
 )
 from dynid.identification.estimate import Estimate, estimate_to_json, read_estimate
+from dynid.identification.shared import (
+    base_order,
+    friction_order,
+    friction_parameters,
+    friction_places,
+)
 
 LAWS = ("exponential", "linear")
 LEAST_SPREAD_K = 3.0
@@ -214,29 +220,22 @@ class TemperatureModel(Value):
     """One a joint."""
     temperature_degC: Array
     """(R, n) mean joint temperatures of the records [degC]."""
-    places: tuple[tuple[int, ...], ...]
-    """For each joint, which base parameters are its friction, in its law's order."""
-    seen: tuple[tuple[int, ...], ...]
-    """For each joint, where the records' friction stands in the covariance, record by record."""
-    order: tuple[int, ...]
-    """(r) where the base parameters stand in the covariance."""
     covariance: Array
-    """(P, P) of the inertias and of every record's own parameters."""
+    """(P, P) of every record's own parameters in turn, then of the inertias; see `SharedFit`."""
     naive: Array
     """(P, P) the same as if residuals were not correlated in time."""
     warnings: tuple[Finding, ...] = ()
     """Findings of the identification."""
 
     def __post_init__(self) -> None:
-        joints, size = self.estimate.model.robot.joints, len(self.covariance)
-        freeze(self, temperature_degC=(None, joints), covariance=(size, size), naive=(size, size))
-        if len(self.laws) != joints:
-            raise InputError("laws: needs one a joint", value=len(self.laws), limit=joints)
-        shapes = [(len(law.symbols), law.gain.shape[1]) for law in self.laws]
-        if shapes != [(len(p), len(s)) for p, s in zip(self.places, self.seen, strict=True)]:
-            raise InputError("laws: their shapes disagree with places and seen", value=shapes)
-        if len(self.order) != len(self.estimate.values):
-            raise InputError("order: needs one place a parameter", value=len(self.order))
+        known, records = self.estimate, len(self.temperature_degC)
+        size = len(known.values) + (records - 1) * len(friction_parameters(known))
+        freeze(self, temperature_degC=(None, known.model.robot.joints))
+        freeze(self, covariance=(size, size), naive=(size, size))
+        wanted = [(2 * len(own), records * len(own)) for own in friction_places(known)]
+        shapes = [law.gain.shape for law in self.laws]
+        if shapes != wanted:
+            raise InputError("laws: not those of the joints' friction", value=shapes, limit=wanted)
 
     @property
     def reference_degC(self) -> Array:
@@ -258,15 +257,13 @@ class TemperatureModel(Value):
             said, limit = "needs one temperature, or one a joint", f"{joints} joints"
             raise InputError(said, value=temperature_degC, limit=limit)
         wanted = np.broadcast_to(wanted, (joints,))
-        known = self.estimate
-        values, turn = known.values.copy(), np.zeros((len(self.order), len(self.covariance)))
-        turn[np.arange(len(self.order)), self.order] = 1.0
-        for degC, law, places, seen in zip(
-            wanted.tolist(), self.laws, self.places, self.seen, strict=True
-        ):
-            values[list(places)], sensitivity = law.at(degC)
-            turn[list(places)] = 0.0
-            turn[np.ix_(places, seen)] = sensitivity @ law.gain
+        known, records = self.estimate, len(self.temperature_degC)
+        own, values = np.array(friction_parameters(known), dtype=np.intp), known.values.copy()
+        turn = np.eye(len(self.covariance))[base_order(known, records)]
+        turn[own] = 0.0
+        for degC, law, c in zip(wanted.tolist(), self.laws, friction_places(known), strict=True):
+            values[own[c]], sensitivity = law.at(degC)
+            turn[np.ix_(own[c], friction_order(known, records, c))] = sensitivity @ law.gain
         covariance, naive = (turn @ c @ turn.T for c in (self.covariance, self.naive))
         choices = [choice for choice in known.choices if not choice.startswith(CHOICE)]
         return replace(
@@ -355,33 +352,25 @@ def open_estimate(estimate: EstimateLike, at_degC: float | None = None) -> Estim
 
 
 def _to_json(model: TemperatureModel) -> dict[str, Any]:
-    laws = zip(model.laws, model.places, model.seen, strict=True)
-    names = ("temperature_degC", "order", "covariance", "naive")
+    names = ("temperature_degC", "covariance", "naive", "laws")
     return {
         **{name: plain(getattr(model, name)) for name in names},
-        "laws": [plain(law) | {"places": list(p), "seen": list(s)} for law, p, s in laws],
         "warnings": [notice.to_json() for notice in model.warnings],
     }
 
 
 def _model(estimate: Estimate, fields: JsonFields) -> TemperatureModel:
-    laws, covariance = fields.objects("laws"), fields.matrix("covariance")
-    places = tuple(_indices(one, "places", len(estimate.values)) for one in laws)
-    seen = tuple(_indices(one, "seen", len(covariance)) for one in laws)
     return TemperatureModel(
         estimate=estimate,
-        laws=tuple(_law(one, len(s)) for one, s in zip(laws, seen, strict=True)),
+        laws=tuple(map(_law, fields.objects("laws"))),
         temperature_degC=fields.matrix("temperature_degC"),
-        places=places,
-        seen=seen,
-        order=_indices(fields, "order", len(covariance)),
-        covariance=covariance,
+        covariance=fields.matrix("covariance"),
         naive=fields.matrix("naive"),
         warnings=tuple(finding_from_json(one.values) for one in fields.objects("warnings")),
     )
 
 
-def _law(fields: JsonFields, seen: int) -> JointTemperatureLaw:
+def _law(fields: JsonFields) -> JointTemperatureLaw:
     lowest, highest = frozen(fields.vector("range_degC"), shape=(2,), name="laws: range_degC")
     found = fields.get("symbols")
     symbols = tuple(map(str, cast("list[object]", found))) if isinstance(found, list) else ()
@@ -392,16 +381,8 @@ def _law(fields: JsonFields, seen: int) -> JointTemperatureLaw:
         slope=fields.vector("slope"),
         # A joint without friction has empty matrices.
         covariance=fields.matrix("covariance") if symbols else np.zeros((0, 0)),
-        gain=fields.matrix("gain") if symbols else np.zeros((0, seen)),
+        gain=fields.matrix("gain") if symbols else np.zeros((0, 0)),
         reference_degC=fields.number("reference_degC"),
         range_degC=(float(lowest), float(highest)),
         chi_squared=fields.number("chi_squared"),
     )
-
-
-def _indices(fields: JsonFields, name: str, size: int) -> tuple[int, ...]:
-    found = fields.vector(name)
-    if not ((found >= 0) & (found < size) & (found % 1 == 0)).all():
-        said = f"{name} does not agree with the parameters and their covariance"
-        raise InputError(said, value=found.tolist(), limit=f"indices below {size}")
-    return tuple(int(index) for index in found)

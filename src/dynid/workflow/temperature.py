@@ -97,29 +97,17 @@ def identify_temperature(
     shared = identify_shared(several, robot, settings, progress=progress)
     problem, solved = shared.problem, shared.fit
     names, own = shared.own, solved.solution.own
-    columns = identification.friction_places(problem.problems[0].base)
-    # Where the friction of a joint stands in the covariance, record by record.
-    seen = [
-        tuple(k * own.shape[1] + c for k in range(len(own)) for c in joint) for joint in columns
-    ]
-    laws = tuple(
-        identification.fit_law(
-            own[:, joint],
-            solved.covariance[np.ix_(places, places)],
-            mean[:, j],
-            [names[c].rstrip("0123456789") for c in joint],
-            law=law,
-        )
-        for j, (joint, places) in enumerate(zip(columns, seen, strict=True))
-    )
+    base, laws = problem.problems[0].base, list[identification.JointTemperatureLaw]()
+    for joint, degC in zip(identification.friction_places(base), mean.T, strict=True):
+        places = identification.friction_order(base, len(own), joint)
+        covariance = solved.covariance[np.ix_(places, places)]
+        symbols = [names[c].rstrip("0123456789") for c in joint]
+        laws.append(identification.fit_law(own[:, joint], covariance, degC, symbols, law=law))
     return TemperatureIdentification(
         shared=shared,
         estimate=shared.estimates[0],
-        laws=laws,
+        laws=tuple(laws),
         temperature_degC=mean,
-        places=tuple(tuple(problem.own[c] for c in joint) for joint in columns),
-        seen=tuple(seen),
-        order=tuple(identification.base_order(problem, solved, 0)),
         covariance=solved.covariance,
         naive=solved.naive,
         warnings=(*_findings(laws), *record_findings(robot, *several)),
