@@ -40,7 +40,6 @@ from dynid.identification.selection.columns import (
 from dynid.identification.selection.gram import (
     NormalEquations,
     gram_blocks,
-    left_out_values,
     shared_picks,
     signed_solutions,
 )
@@ -137,7 +136,7 @@ def test_blocks_leave_out_what_least_squares_on_the_other_rows_leaves_out() -> N
     weights = np.array([1.0, 2.0])
     blocks = gram_blocks(parts, labels, 3, unknowns + 1)
     system = NormalEquations(blocks, shared_picks(unknowns, joints), weights)
-    values = left_out_values(system, None)
+    values = system.left_out(None)
     errors = system.square_errors(values)
     for k in range(3):
         here = labels[0] == k

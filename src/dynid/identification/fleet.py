@@ -14,7 +14,7 @@ import numpy as np
 from dynid.core import Array, JobError, Mask, upper_triangle
 from dynid.identification.problem import IdentificationProblem
 from dynid.identification.shared import SharedProblem, friction_parameters, friction_places
-from dynid.identification.statistics import correlation_lag, long_run_covariance
+from dynid.identification.statistics import correlation_lag, long_run_covariance, raised
 from dynid.reduction import BaseParametrization, acting_joints
 
 ROUNDS = 6
@@ -180,11 +180,8 @@ def solve_robot(statistics: Sequence[RecordStatistics]) -> RobotStates:
     scores = np.array([one.scores for one in statistics])
     bread = gain @ gain.swapaxes(2, 3)
     naive = bread * np.square(noise)[..., None, None]
-    covariance = bread @ scores @ bread
     # Never below the answer for white residuals.
-    own = np.einsum("rjff->rjf", covariance), np.einsum("rjff->rjf", naive)
-    lift = np.sqrt(np.maximum(own[1] / np.maximum(own[0], 1e-300), 1.0))
-    covariance = covariance * lift[..., :, None] * lift[..., None, :]
+    covariance = raised(bread @ scores @ bread, np.einsum("rjff->rjf", naive))
     speeds = np.array([one.speed for one in statistics])
     # A joint that stands still shows nothing of its friction.
     moves = _moving(speeds)

@@ -24,7 +24,12 @@ from dynid.identification.estimate import Estimate
 from dynid.identification.fitting import EstimateSource, judged
 from dynid.identification.least_squares import Fit, autocorrelation, solve_rows
 from dynid.identification.problem import IdentificationProblem, triangles
-from dynid.identification.statistics import correlation_lag, long_run_covariance, scores_of
+from dynid.identification.statistics import (
+    correlation_lag,
+    long_run_covariance,
+    raised,
+    scores_of,
+)
 from dynid.reduction import BaseParametrization
 
 INERTIAS = ("Im", "Imm")
@@ -306,9 +311,7 @@ def shared_sandwich(
         long_run += freedom(rows, len(group)) * short * long_run_covariance(summed, lag)
     payload = np.arange(len(naive) - problem.payload, len(naive))
     long_run[payload, payload] += UNKNOWN**-2
-    covariance = naive @ long_run @ naive
-    lift = np.sqrt(np.maximum(np.diag(naive) / np.maximum(np.diag(covariance), 1e-300), 1.0))
-    return covariance * lift[:, None] * lift[None, :]
+    return raised(naive @ long_run @ naive, np.diag(naive))
 
 
 def repetitions(problem: SharedProblem) -> list[list[int]]:

@@ -267,8 +267,14 @@ def sandwich(fit: Fit, bread: Array, long_run: Array, rows: int, lag: int, floor
     unseen = np.diag(covariance) <= UNSEEN * floor
     covariance[unseen, :] = covariance[:, unseen] = 0.0
     covariance[unseen, unseen] = floor[unseen]
-    raise_to = np.sqrt(np.maximum(floor / np.maximum(np.diag(covariance), 1e-300), 1.0))
-    return covariance * raise_to[:, None] * raise_to[None, :]
+    return raised(covariance, floor)
+
+
+def raised(covariance: Array, floor: Array) -> Array:
+    """Covariances (..., r, r) with no variance below a floor (..., r), the correlations kept."""
+    own = np.einsum("...ii->...i", covariance)
+    lift = np.sqrt(np.maximum(floor / np.maximum(own, 1e-300), 1.0))
+    return covariance * lift[..., :, None] * lift[..., None, :]
 
 
 def correlation_lag(

@@ -191,11 +191,8 @@ class _LeftOut:
         self.blocks = blocks
         self.system = gram.NormalEquations(blocks, gram.shared_picks(rank, joints), weights)
         self.rows = np.maximum(blocks.rows.sum(axis=1), 1.0)
-        self.values = (
-            gram.left_out_values(self.system, shrinkage)
-            if blocks.rows.shape[1] > 1
-            else self.whole(shrinkage)
-        )
+        several = blocks.rows.shape[1] > 1
+        self.values = (self.system.left_out if several else self.system.whole)(shrinkage)
         self.errors = self.system.square_errors(self.values)
         self.torque = np.sqrt(blocks.products[:, :, rank, rank].sum(axis=1) / self.rows)
 
@@ -203,11 +200,6 @@ class _LeftOut:
     def rms(self) -> Array:
         """(n) RMS error."""
         return np.sqrt(self.errors.sum(axis=1) / self.rows)
-
-    def whole(self, shrinkage: gram.Shrinkage) -> Array:
-        """(1, r) fit to all parts."""
-        matrix, vector = self.system.matrix, self.system.vector
-        return gram.solutions(matrix.sum(axis=0)[None], vector.sum(axis=0)[None], shrinkage)
 
 
 def _cells(problem: IdentificationProblem, lengths: Sequence[int]) -> LeftOutCells:
@@ -264,11 +256,12 @@ def _root(
     near: Sequence[float],
 ) -> Array:
     """(r, k) root of the uncertainty of the base parameters; see `TorqueInterval.root`."""
-    chosen = fitted.whole(prior.times(strength))[0]
-    inverse = _inverse_root(fitted.system.matrix.sum(axis=0) + strength * prior.precision)
+    system = fitted.system
+    chosen = system.whole(prior.times(strength))[0]
+    inverse = _inverse_root(system.matrix.sum(axis=0) + strength * prior.precision)
     # Published inertias are off: what the shrinkage leaves of that.
     unsure = strength * inverse @ (inverse.T @ known.pull)
-    apart = [fitted.whole(prior.times(max(w, WEAKEST)))[0] - chosen for w in near]
+    apart = [system.whole(prior.times(max(w, WEAKEST)))[0] - chosen for w in near]
     return np.concatenate([inverse, unsure, *(d[:, None] for d in apart)], axis=1)
 
 

@@ -148,8 +148,8 @@ def _taken(
 
     def scored(which: list[int]) -> Scores:
         picks = search.picks_at(places, columns, which)
-        weights = joint_weights(blocks.all, picks, prior, search.positive(picks, columns))
-        return search.errors_of(blocks, picks, weights, search.plain_prior, columns)
+        weights = joint_weights(blocks.all, picks, prior)
+        return search.errors_of(blocks, picks, weights, search.plain_prior)
 
     taken: list[int] = (near != 0).astype(int).tolist()
     for j in np.argsort(np.abs(near)):
@@ -245,8 +245,7 @@ class _DelayedSums:
         for _ in range(WEIGHTINGS):
             places = [own[k] for own, (k, _, _) in zip(options, states, strict=True)]
             picks = search.picks_at(places, self.columns, [version for *_, version in states])
-            positive = search.positive(picks, self.columns)
-            squares = np.square(joint_weights(self.blocks[middle], picks, shrinkage, positive))
+            squares = np.square(joint_weights(self.blocks[middle], picks, shrinkage))
             weighted = [square * joint for square, joint in zip(squares, joints, strict=True)]
             every = np.sum([weighted[j][k, middle] for j, (k, *_) in enumerate(states)], axis=0)
             version = int(np.argmin(_costs(every, prior.precision, known)))

@@ -85,12 +85,14 @@ class Pick:
     """(k) where their columns stand in the blocks."""
     torque: int
     """Where the torque stands in the blocks."""
+    positive: Mask
+    """(k) unknowns that are not allowed below zero; see `signed_solutions`."""
 
 
 def shared_picks(width: int, joints: int) -> tuple[Pick, ...]:
     """Picks of blocks whose columns all joints share, with one torque behind them."""
-    every = np.arange(width)
-    return (Pick(unknowns=every, columns=every, torque=width),) * joints
+    every, signs = np.arange(width), np.zeros(width, dtype=np.bool_)
+    return (Pick(unknowns=every, columns=every, torque=width, positive=signs),) * joints
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,6 +123,9 @@ class NormalEquations:
         self._blocks = blocks.products
         self._picks = picks
         self._weights = weights
+        self._positive: Mask = np.zeros(self._size, dtype=np.bool_)
+        for pick in picks:
+            self._positive[pick.unknowns] = pick.positive
 
     @cached_property
     def matrix(self) -> Array:
@@ -137,6 +142,17 @@ class NormalEquations:
         for products, pick, weight in zip(self._blocks, self._picks, self._weights, strict=True):
             vector[:, pick.unknowns] += weight**2 * products[:, pick.columns, pick.torque]
         return vector
+
+    def whole(self, shrinkage: Shrinkage | None) -> Array:
+        """(1, s) the solution of all cells."""
+        matrix, vector = self.matrix.sum(axis=0)[None], self.vector.sum(axis=0)[None]
+        return solutions(matrix, vector, shrinkage, self._positive)
+
+    def left_out(self, shrinkage: Shrinkage | None) -> Array:
+        """(C, s) for each cell the solution of all other cells."""
+        matrix = self.matrix.sum(axis=0) - self.matrix
+        vector = self.vector.sum(axis=0) - self.vector
+        return solutions(matrix, vector, shrinkage, self._positive)
 
     def square_errors(self, values: Array) -> Array:
         """(n, C) sums of squared errors of values (C, s), or (1, s) for all cells alike."""
@@ -183,7 +199,7 @@ def solutions(
         matrix: (k, s, s)
         vector: (k, s)
         shrinkage: Prior on the first unknowns.
-        positive: (s) unknowns that are not allowed below zero; see `signed_solutions`.
+        positive: (s) as in `Pick`; None for none.
     """
     if shrinkage is not None:
         r = len(shrinkage.mean)
@@ -195,10 +211,8 @@ def solutions(
     systems = matrix / np.outer(scale, scale)
     systems[:, range(size), range(size)] += RIDGE
     targets = vector / scale
-    if positive is None:
-        free = np.asarray(np.linalg.solve(systems, targets[..., None]), dtype=np.float64)
-        return free[..., 0] / scale
-    return signed_solutions(systems, targets, positive) / scale
+    signs = np.zeros(size, dtype=np.bool_) if positive is None else positive
+    return signed_solutions(systems, targets, signs) / scale
 
 
 def signed_solutions(systems: Array, targets: Array, positive: Mask) -> Array:
@@ -222,36 +236,21 @@ def signed_solutions(systems: Array, targets: Array, positive: Mask) -> Array:
     return values
 
 
-def joint_weights(
-    blocks: GramBlocks,
-    picks: Sequence[Pick],
-    shrinkage: Shrinkage | None,
-    positive: Mask | None = None,
-) -> Array:
+def joint_weights(blocks: GramBlocks, picks: Sequence[Pick], shrinkage: Shrinkage) -> Array:
     """(n) weights 1 / RMS residual of the fit to all cells that uses them.
 
     Args:
         blocks: The blocks.
         picks: What each joint uses.
         shrinkage: Prior for unit weight; it is multiplied by the number of rows.
-        positive: See `solutions`.
     """
     whole = blocks.merged(np.zeros(int(blocks.rows.shape[1]), dtype=np.intp))
     rows = np.maximum(whole.rows.sum(axis=1), 1.0)
-    prior = None if shrinkage is None else shrinkage.times(float(rows.mean()))
+    prior = shrinkage.times(float(rows.mean()))
     weights = np.ones(len(picks))
     for _ in range(WEIGHTING_STEPS):
         system = NormalEquations(whole, picks, weights)
-        found = solutions(system.matrix, system.vector, prior, positive)
-        error = system.square_errors(found).sum(axis=1) / rows
+        error = system.square_errors(system.whole(prior)).sum(axis=1) / rows
         floor = 1e-18 * whole.products[[*range(len(picks))], 0, [p.torque for p in picks], -1]
         weights = 1.0 / np.sqrt(np.maximum(error, np.maximum(np.abs(floor), 1e-18)))
     return weights
-
-
-def left_out_values(
-    system: NormalEquations, shrinkage: Shrinkage | None, positive: Mask | None = None
-) -> Array:
-    """(C, s) for each cell the solution of all other cells."""
-    total, target = system.matrix.sum(axis=0), system.vector.sum(axis=0)
-    return solutions(total - system.matrix, target - system.vector, shrinkage, positive)

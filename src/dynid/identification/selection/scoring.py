@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynid.core import Array, Indices, InputError, Mask, scipy_part
+from dynid.core import Array, Indices, InputError, scipy_part
 from dynid.identification.bayesian import not_negative, published_prior
 from dynid.identification.problem import IdentificationProblem, block_mean
 from dynid.identification.selection import gram
@@ -190,7 +190,7 @@ class ScoreSearch:
         places = [columns.places(j, step, frozenset()) for j, step in enumerate(steps)]
         picks = self.picks_at(places, columns)
         prior = self.prior.times(self.plain_prior)
-        weights = gram.joint_weights(blocks.all, picks, prior, self.positive(picks, columns))
+        weights = gram.joint_weights(blocks.all, picks, prior)
         return min(self.errors_of(blocks, picks, weights, w).value for w in COARSE_WEIGHTS)
 
     def summed(
@@ -313,7 +313,8 @@ class ScoreSearch:
         """
         rank = self.base.rank
         common, first = np.arange(rank), rank
-        torque = rank + len(columns.positive)
+        positive = columns.positive
+        signs = not_negative(self.base.model)[list(self.base.independent)]
         picks: list[gram.Pick] = []
         for place, version in zip(places, versions or [0] * len(places), strict=True):
             own = np.arange(first, first + len(place))
@@ -323,7 +324,8 @@ class ScoreSearch:
                 gram.Pick(
                     unknowns=np.concatenate([common, own]),
                     columns=np.concatenate([common, there]),
-                    torque=torque + version,
+                    torque=rank + len(positive) + version,
+                    positive=np.concatenate([signs, positive[list(place)]]),
                 )
             )
         return tuple(picks)
@@ -333,22 +335,11 @@ class ScoreSearch:
         places = [self.columns.places(j, c.step, c.terms) for j, c in enumerate(choices)]
         return self.picks_at(places, self.columns)
 
-    def positive(
-        self, picks: tuple[gram.Pick, ...], columns: CandidateColumns | None = None
-    ) -> Mask:
-        """Unknowns that cannot be negative; columns of the blocks, None for all candidates."""
-        rank = self.base.rank
-        shared = not_negative(self.base.model)[list(self.base.independent)]
-        candidates = (columns or self.columns).positive
-        own = [candidates[pick.columns[rank:] - rank] for pick in picks]
-        return np.concatenate([shared, *own])
-
     def weights(
         self, blocks: CandidateBlocks, choices: tuple[JointChoice, ...], prior: float
     ) -> Array:
         """(n) weights of the joints."""
-        picks = self.picks(choices)
-        return gram.joint_weights(blocks.all, picks, self.prior.times(prior), self.positive(picks))
+        return gram.joint_weights(blocks.all, self.picks(choices), self.prior.times(prior))
 
     def scores(
         self,
@@ -366,16 +357,13 @@ class ScoreSearch:
         picks: tuple[gram.Pick, ...],
         weights: Array,
         prior: float,
-        columns: CandidateColumns | None = None,
     ) -> Scores:
-        """Left-out errors of the columns that are picked, see `positive`."""
-        shrinkage, positive = self.prior.times(prior * blocks.rows), self.positive(picks, columns)
+        """Left-out errors of the columns that are picked."""
+        shrinkage = self.prior.times(prior * blocks.rows)
         errors: list[Array] = []
         rows: list[Array] = []
         for whole, counted in blocks.parts:
-            values = gram.left_out_values(
-                gram.NormalEquations(whole, picks, weights), shrinkage, positive
-            )
+            values = gram.NormalEquations(whole, picks, weights).left_out(shrinkage)
             errors.append(gram.NormalEquations(counted, picks, weights).square_errors(values))
             rows.append(counted.rows)
         return Scores(errors=tuple(errors), rows=tuple(rows))
@@ -435,14 +423,8 @@ class ScoreSearch:
             return found
         blocks = self.blocks(settings)
         picks, weights = self.picks(choices), self.weights(blocks, choices, prior)
-        cells = blocks.all.merged(np.zeros(int(blocks.all.rows.shape[1]), dtype=np.intp))
-        system = gram.NormalEquations(cells, picks, weights)
-        values = gram.solutions(
-            system.matrix,
-            system.vector,
-            self.prior.times(prior * blocks.rows),
-            self.positive(picks),
-        )[0]
+        system = gram.NormalEquations(blocks.all, picks, weights)
+        values = system.whole(self.prior.times(prior * blocks.rows))[0]
         model = self.base.model
         dropped = {
             model.names[k]
