@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from dynid.identification import Estimate as Estimate
     from dynid.identification import Estimator as Estimator
     from dynid.identification import Fit as Fit
+    from dynid.identification import GainsFromPayload as GainsFromPayload
     from dynid.identification import GravityEstimate as GravityEstimate
     from dynid.identification import IdentificationProblem as IdentificationProblem
     from dynid.identification import Payload as Payload
@@ -97,7 +98,6 @@ if TYPE_CHECKING:
     from dynid.workflow import DesignSettings as DesignSettings
     from dynid.workflow import Fleet as Fleet
     from dynid.workflow import FleetSettings as FleetSettings
-    from dynid.workflow import GainsFromPayload as GainsFromPayload
     from dynid.workflow import Identification as Identification
     from dynid.workflow import IdentifySettings as IdentifySettings
     from dynid.workflow import Imported as Imported
@@ -135,9 +135,9 @@ _NAMES = {
     "excitation": "DesignOptimiser ExcitationDesign MotionSearch",
     "export": "ExportedFile write_model",
     "identification": (
-        "DriveGains Estimate Estimator Fit GravityEstimate IdentificationProblem Payload "
-        "TemperatureModel identify_gravity read_estimate read_temperature write_estimate "
-        "write_temperature"
+        "DriveGains Estimate Estimator Fit GainsFromPayload GravityEstimate "
+        "IdentificationProblem Payload TemperatureModel identify_gravity read_estimate "
+        "read_temperature write_estimate write_temperature"
     ),
     "recording": (
         "ExperimentRecord RecordMetadata RecordWriter read_record read_recording write_record"
@@ -154,7 +154,7 @@ _NAMES = {
         "contact_thresholds validate"
     ),
     "workflow": (
-        "Analysis Check DesignSettings Fleet FleetSettings GainsFromPayload Identification "
+        "Analysis Check DesignSettings Fleet FleetSettings Identification "
         "IdentifySettings ImportOptions Imported LimitSettings LogFit Run RunSettings RunUntil "
         "SharedIdentification StoredDesign TemperatureIdentification Verdict analyze check "
         "design fit fleet identify identify_gains identify_gains_from_payload identify_payload "

@@ -47,7 +47,7 @@ def test_gains_of_the_simulated_arm(runs: tuple[ExperimentRecord, ExperimentReco
         assert np.abs(found.gain / truth - 1).max() < NEAR
         assert (np.abs(found.gain - truth) < 3 * found.std).all()
         assert not found.warnings
-    np.testing.assert_allclose(found.found.payload, known_payload(MASS, CENTRE, TENSOR))
+    np.testing.assert_allclose(found.payload, known_payload(MASS, CENTRE, TENSOR))
 
 
 def ideal(motion: int, loaded: bool) -> ExperimentRecord:
@@ -82,9 +82,7 @@ def test_torques_that_obey_the_model_give_the_gains_back(robot: RobotModel) -> N
         cutoff_hz=40.0,
     )
     np.testing.assert_allclose(found.gain, GAIN, rtol=EXACT)
-    np.testing.assert_allclose(
-        found.found.payload, link_parameters(MASS, CENTRE, TENSOR), atol=EXACT
-    )
+    np.testing.assert_allclose(found.payload, link_parameters(MASS, CENTRE, TENSOR), atol=EXACT)
 
 
 def test_what_the_model_of_the_arm_gets_wrong_alike_in_both_runs_cancels(

@@ -195,8 +195,8 @@ def test_a_weighed_payload_that_an_arm_shows_in_part_gives_gains() -> None:
     assert (np.abs(found.gain - gains) < 3 * found.std).all()
     assert (found.std < 0.1 * gains).all()
     unseen = [3, 4, 5, 7, 8, 9]
-    assert np.flatnonzero(np.isnan(found.found.payload)).tolist() == unseen
-    np.testing.assert_allclose(found.found.payload[1:3], [0.3, -0.15], atol=0.05)
+    assert np.flatnonzero(np.isnan(found.payload)).tolist() == unseen
+    np.testing.assert_allclose(found.payload[1:3], [0.3, -0.15], atol=0.05)
 
 
 def test_both_kinds_of_runs_are_needed() -> None:

@@ -10,12 +10,11 @@ from dynid.identification.bayesian import inertial_prior as inertial_prior
 from dynid.identification.bayesian import not_negative as not_negative
 from dynid.identification.bayesian import posterior as posterior
 from dynid.identification.bayesian import published_prior as published_prior
-from dynid.identification.drive_gains import LARGEST_STD as LARGEST_STD
 from dynid.identification.drive_gains import WIDTH as WIDTH
 from dynid.identification.drive_gains import DriveGains as DriveGains
-from dynid.identification.drive_gains import WeighedGains as WeighedGains
+from dynid.identification.drive_gains import GainsFromPayload as GainsFromPayload
 from dynid.identification.drive_gains import drive_gains as drive_gains
-from dynid.identification.drive_gains import weighed_gains as weighed_gains
+from dynid.identification.drive_gains import gains_from_payload as gains_from_payload
 from dynid.identification.estimate import FORMAT as FORMAT
 from dynid.identification.estimate import Estimate as Estimate
 from dynid.identification.estimate import MotionRange as MotionRange
@@ -26,6 +25,7 @@ from dynid.identification.estimate import write_estimate as write_estimate
 from dynid.identification.fitting import ESTIMATORS as ESTIMATORS
 from dynid.identification.fitting import AllRows as AllRows
 from dynid.identification.fitting import EstimateSource as EstimateSource
+from dynid.identification.fitting import PreparedFit as PreparedFit
 from dynid.identification.fitting import estimator_of as estimator_of
 from dynid.identification.fitting import fit_estimate as fit_estimate
 from dynid.identification.fitting import plan_pass as plan_pass

@@ -114,11 +114,12 @@ def drive_gains(
     return DriveGains(
         **dict(zip(_COLUMNS, rows.T, strict=True)),
         samples=len(current),
-        warnings=tuple(
-            Finding("low_excitation", f"no drive gain for {name}: {reason}")
-            for name, reason in lost.items()
-        ),
+        warnings=tuple(_lost(name, reason) for name, reason in lost.items()),
     )
+
+
+def _lost(name: str, reason: str) -> Finding:
+    return Finding("low_excitation", f"no drive gain for {name}: {reason}")
 
 
 def _joint(columns: Array, current: Array, rate_hz: float) -> tuple[Array, str]:
@@ -206,21 +207,23 @@ RUNAWAY = 30.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WeighedGains:
-    """Drive gains from a known payload."""
+class GainsFromPayload(Value):
+    """Drive gains from a known payload, and what could not be told."""
 
     gain: Array
-    """(n) joint torque per motor current [N.m/A]."""
+    """(n) joint torque per motor current [N.m/A], NaN where the runs do not show it."""
     std: Array
-    """(n) standard deviations that allow for correlated residuals [N.m/A]."""
+    """(n) standard deviations that allow for correlated residuals [N.m/A], given for all."""
     payload: Array
     """(10) the payload about the flange: what was known, the rest as found, NaN where no joint
     shows it (all axes of an arm may be parallel)."""
+    warnings: tuple[Finding, ...] = ()
+    """Joints whose gain the runs do not show; what the runs tell of themselves."""
 
 
-def weighed_gains(
+def gains_from_payload(
     problem: SharedProblem, turn: Array, known: Array, start: Array | None = None
-) -> WeighedGains:
+) -> GainsFromPayload:
     """Drive gains of records, some of them with the payload.
 
     Args:
@@ -270,8 +273,17 @@ def weighed_gains(
     else:
         raise JobError("the drive gains do not converge", value=gain.tolist())
     covariance = _covariance(system, gain, values, noise, root)
-    std = gain * np.sqrt(np.diag(covariance)[:joints])
-    return WeighedGains(gain=gain, std=std, payload=_payload(system, values))
+    share = np.sqrt(np.diag(covariance)[:joints])
+    names, lost = problem.problems[0].base.model.robot.joint_names, share > LARGEST_STD
+    return GainsFromPayload(
+        gain=np.where(lost, np.nan, gain),
+        std=gain * share,
+        payload=_payload(system, values),
+        warnings=tuple(
+            _lost(names[j], f"its standard deviation would be {100 * share[j]:.0f} %")
+            for j in np.flatnonzero(lost)
+        ),
+    )
 
 
 def _system(problem: SharedProblem, factors: Array, turn: Array, known: Array) -> WeighedSystem:

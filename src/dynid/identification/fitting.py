@@ -52,6 +52,38 @@ def estimator_of(word: str, prior_gain: float | None = None) -> least_squares.Es
     return _MAKERS[word](prior_gain)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EstimateSource:
+    """What an estimate is made of."""
+
+    records: Sequence[ExperimentRecord]
+    """Recordings whose motions are judged for conditioning."""
+    settings: ProcessingSettings
+    """How they were processed."""
+    preset: str
+    """Name of the preset, for the file."""
+    choices: tuple[str, ...]
+    """What was chosen, in words."""
+    made: Provenance
+    """Provenance of the result."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PreparedFit:
+    """Samples, and what they are to be fitted with."""
+
+    model: InverseDynamicModel
+    """Its base parameters are found by the fit."""
+    samples: Samples
+    """Samples of one or more records."""
+    lengths: tuple[int, ...]
+    """Samples of each recording."""
+    estimator: least_squares.Estimator
+    source: EstimateSource
+    near_weights: tuple[float, ...]
+    """Of the published inertias, as chosen by what is left out; empty with the preset `paper`."""
+
+
 COARSEST = 1e3
 """Condition number, columns scaled, up to which products do instead of factors."""
 
@@ -105,25 +137,17 @@ class AllRows:
         return statistics.sandwich(fit, bread, self.sums.long_run, self.sums.rows, plan.lag, floor)
 
 
-def plan_pass(
-    model: InverseDynamicModel,
-    samples: Samples,
-    estimator: least_squares.Estimator,
-    rows: int,
-    recordings: Indices | None = None,
-) -> AllRows:
+def plan_pass(part: PreparedFit, rows: int, recordings: Indices | None = None) -> AllRows:
     """Fit a part of the rows of recordings, and plan the sums over all of them; none is added yet.
 
     Args:
-        model: The model.
-        samples: The part.
-        estimator: How all rows will be fitted.
+        part: What all rows will be fitted with.
         rows: How many there will be a joint.
         recordings: (N) the recording of each sample of the part, if there are several.
     """
-    base = reduce_model(model)
+    samples, base = part.samples, reduce_model(part.model)
     problem = IdentificationProblem(base=base, samples=samples)
-    fit = estimator.checked_fit(problem)
+    fit = part.estimator.checked_fit(problem)
     residual = problem.residual(fit.values)
     floor = np.zeros(base.rank)
     if least_squares.autocorrelation(residual, 1).max() > statistics.MODEL_CORRELATION:
@@ -131,7 +155,7 @@ def plan_pass(
     used = samples.rows
     every = slice(used.start, used.start + problem.blocks * samples.block, samples.block)
     if recordings is None:
-        regions = find_regions([samples.q[every]], model.robot.prismatic)
+        regions = find_regions([samples.q[every]], part.model.robot.prismatic)
         parts = regions.labels(samples.q[every], 0)
     else:
         regions, parts = None, recordings[every]
@@ -152,53 +176,23 @@ PRIOR_SPEAKS = 0.25
 """Prior's share from which a standard parameter counts as the prior's word."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EstimateSource:
-    """What an estimate is made of."""
-
-    records: Sequence[ExperimentRecord]
-    """Recordings whose motions are judged for conditioning."""
-    settings: ProcessingSettings
-    """How they were processed."""
-    preset: str
-    """Name of the preset, for the file."""
-    choices: tuple[str, ...]
-    """What was chosen, in words."""
-    made: Provenance
-    """Provenance of the result."""
-
-
-def fit_estimate(
-    model: InverseDynamicModel,
-    samples: Samples,
-    estimator: least_squares.Estimator,
-    source: EstimateSource,
-    *,
-    lengths: Sequence[int] = (),
-    near_weights: Sequence[float] = (),
-    everything: AllRows | None = None,
-) -> Estimate:
+def fit_estimate(prepared: PreparedFit, everything: AllRows | None = None) -> Estimate:
     """Fit samples by an estimator, and say how far the result can be trusted.
 
     Args:
-        model: The model; its base parameters are found here.
-        samples: Samples of one or more records.
-        estimator: How to fit.
-        source: The records, and how they became samples.
-        lengths: Samples of each record, if there are several.
-        near_weights: See `assess`.
+        prepared: The samples, and what they are fitted with.
         everything: All rows of recordings of which the samples are a part: what is fitted.
 
     Raises:
         InputError: Fewer torque samples than parameters.
         JobError: A singular problem.
     """
-    base = reduce_model(model)
+    samples, source, base = prepared.samples, prepared.source, reduce_model(prepared.model)
     part = IdentificationProblem(base=base, samples=samples)
     problem, cells, sums = part, None, None
     if everything is not None:
         problem, cells, sums = everything.problem(part), everything.cells, everything.sums
-    fit = estimator.checked_fit(problem)
+    fit = prepared.estimator.checked_fit(problem)
     if everything is None:
         covariance = statistics.hac_covariance(fit, problem)
         rho = least_squares.autocorrelation(problem.residual(fit.values), 1)
@@ -212,12 +206,14 @@ def fit_estimate(
         fit,
         replace(source, choices=(*source.choices, *fit.choices)),
         covariance=covariance,
-        estimator=estimator.name,
+        estimator=prepared.estimator.name,
         naive_std=np.sqrt(np.diag(statistics.naive_covariance(fit))),
         motion=_motion_range(samples, sums),
         residual_autocorrelation=rho,
         standard=standard,
-        assessment=assess(part, fit, near_weights=near_weights, lengths=lengths, cells=cells),
+        assessment=assess(
+            part, fit, near_weights=prepared.near_weights, lengths=prepared.lengths, cells=cells
+        ),
     )
 
 

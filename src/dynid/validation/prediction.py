@@ -209,14 +209,9 @@ def validate(
     return replace(result, warnings=found, transfer=split, covered=covered)
 
 
-def reproduce(
-    estimate: Estimate,
-    record: ExperimentRecord,
-    *,
-    start_s: float | None = None,
-    stop_s: float | None = None,
-) -> ValidationResult:
-    """As `validate`, for the record that was identified from: the training errors."""
+def reproduce(estimate: Estimate, record: ExperimentRecord) -> ValidationResult:
+    """As `validate`, for the window that was identified from: the training errors."""
+    start_s, stop_s = estimate.settings.start_s, estimate.settings.stop_s
     return validate_samples(estimate, samples_of(estimate, record, start_s=start_s, stop_s=stop_s))
 
 

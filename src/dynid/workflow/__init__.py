@@ -40,7 +40,6 @@ from dynid.workflow.running import Run as Run
 from dynid.workflow.running import run_design as run_design
 from dynid.workflow.running import simulate_recording as simulate_recording
 from dynid.workflow.running import truth_path as truth_path
-from dynid.workflow.shared_inertias import GainsFromPayload as GainsFromPayload
 from dynid.workflow.shared_inertias import SharedIdentification as SharedIdentification
 from dynid.workflow.shared_inertias import identify_gains as identify_gains
 from dynid.workflow.shared_inertias import (

@@ -5,7 +5,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from dynid.settings import IdentifySettings
 from dynid.signals import (
     NYQUIST_SHARE,
     ProcessingSettings,
-    Samples,
     at_one_rate,
     find_period,
     fold_periods,
@@ -154,34 +153,6 @@ LONG_RECORD = 20_000
 """Samples above which rows are averaged whatever the preset: time and memory stay bounded."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Prepared:
-    """Samples, and what they are to be fitted with."""
-
-    model: InverseDynamicModel
-    samples: Samples
-    lengths: tuple[int, ...]
-    """Samples of each recording."""
-    estimator: identification.Estimator
-    source: identification.EstimateSource
-    near_weights: tuple[float, ...]
-    """Of the published inertias, as chosen by what is left out; empty with the preset `paper`."""
-
-    def fit(
-        self, everything: identification.AllRows | None = None, words: tuple[str, ...] = ()
-    ) -> identification.Estimate:
-        """The estimate, from the samples or from all rows of which they are a part."""
-        return identification.fit_estimate(
-            self.model,
-            self.samples,
-            self.estimator,
-            replace(self.source, choices=(*self.source.choices, *words)),
-            lengths=self.lengths if everything is None else (),
-            near_weights=self.near_weights,
-            everything=everything,
-        )
-
-
 def asked_processing(
     records: Sequence[ExperimentRecord], settings: IdentifySettings
 ) -> ProcessingSettings:
@@ -208,7 +179,7 @@ def prepare(
     processing: ProcessingSettings,
     made: Provenance,
     progress: Progress | None = None,
-) -> Prepared:
+) -> identification.PreparedFit:
     """Choose, process, and find the shapes that a fit takes as given.
 
     What the processing sets stays; `progress` is told how far it is (0 to 1).
@@ -234,7 +205,7 @@ def prepare(
         words += (f"without {dropped}, negative in the fit",) if dropped else ()
         model = identification.with_ripple(model, samples, estimator)
         samples = identification.resolve_ripple(model, samples)
-    return Prepared(
+    return identification.PreparedFit(
         model=model,
         samples=samples,
         lengths=tuple(part.count for part in parts),

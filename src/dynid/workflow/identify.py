@@ -18,7 +18,7 @@ from dynid.core import Finding, InputError, Progress, Value, Workers, one_thread
 from dynid.diagnosis import USELESS_PREDICTION, Verdict, diagnose, judge
 from dynid.export import simulator_obstacle
 from dynid.figures import joint_unit
-from dynid.identification import Estimate
+from dynid.identification import Estimate, fit_estimate
 from dynid.robot import RobotLike, RobotModel, joints_by_kind, load_robot, with_carried
 from dynid.settings import IdentifySettings
 from dynid.trajectory import JointMotion
@@ -284,11 +284,9 @@ def fit_records(
     for record in records:
         require_torques([record], robot)
     processing, made = asked_processing(records, settings), made_from(records, settings)
-    estimate = prepare(records, robot, settings, processing, made, progress).fit()
-    training = reproduce(estimate, records[0], start_s=settings.start_s, stop_s=settings.stop_s)
-    return Looked(
-        estimate=estimate, training=training, records=tuple(records), window=estimate.settings
-    )
+    estimate = fit_estimate(prepare(records, robot, settings, processing, made, progress))
+    training, window = reproduce(estimate, records[0]), estimate.settings
+    return Looked(estimate=estimate, training=training, records=tuple(records), window=window)
 
 
 def _seconds(record: recording.ExperimentRecord, settings: IdentifySettings) -> float:

@@ -130,7 +130,7 @@ def fit_long(
     if len(recordings) > 1:
         groups = [_left_out_with(k, len(recordings)) for k in origins]
         sources = np.repeat(np.array(groups, dtype=np.intp), found.lengths)
-    planned = identification.plan_pass(found.model, found.samples, estimator, rows, sources)
+    planned = identification.plan_pass(found, rows, sources)
     sums = _run_pass(
         everything,
         planned.plan,
@@ -144,7 +144,10 @@ def fit_long(
         f"long recordings: choices from {len(pieces)} stretches of {duration:.3g} s, fit of "
         f"all {rows} rows by {method}"
     )
-    estimate = found.fit(replace(planned, sums=sums), (words,))
+    source = replace(found.source, choices=(*found.source.choices, words))
+    estimate = identification.fit_estimate(
+        replace(found, source=source), replace(planned, sums=sums)
+    )
     return Looked(
         estimate=replace(estimate, settings=settled),
         training=reproduce(estimate, looked_at),

@@ -154,8 +154,7 @@ def _reported_estimate(
     if not own:
         return replace(item, warnings=findings)
     key, record = next(iter(own.items()))
-    settings = estimate.settings
-    training = reproduce(estimate, record, start_s=settings.start_s, stop_s=settings.stop_s)
+    training = reproduce(estimate, record)
     # A log is there for the estimate that names it: it may be of the same motion on another day.
     others = {name: one for name, one in records.items() if name.endswith(".parquet")}
     partner, validation = _partner(estimate, own, others), None

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid import identification
-from dynid.core import Array, Finding, InputError, Progress, Value, frozen, one_thread, told
+from dynid.core import Array, InputError, Progress, frozen, one_thread, told
 from dynid.recording import (
     ExperimentRecord,
     RecordLike,
@@ -277,20 +277,6 @@ def identify_gains(
     return replace(found, warnings=(*found.warnings, *record_findings(model, record)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GainsFromPayload(Value):
-    """Drive gains, and what could not be told."""
-
-    gain: Array
-    """(n) joint torque per motor current [N.m/A], NaN where the runs do not show it."""
-    std: Array
-    """(n) standard deviations [N.m/A], given for all."""
-    found: identification.WeighedGains
-    """The fit behind them."""
-    warnings: tuple[Finding, ...]
-    """Joints whose gain the runs do not show; what the runs tell of themselves."""
-
-
 def identify_gains_from_payload(
     unloaded: RecordLike | Sequence[RecordLike],
     loaded: RecordLike | Sequence[RecordLike],
@@ -301,7 +287,7 @@ def identify_gains_from_payload(
     inertia: ArrayLike | None = None,
     friction: FrictionTerms | None = None,
     cutoff_hz: float | None = None,
-) -> GainsFromPayload:
+) -> identification.GainsFromPayload:
     """Drive gains from currents with and without a known payload.
 
     Best with one motion for both, fast and wide: joint 1 shows its gain by inertia alone.
@@ -334,22 +320,10 @@ def identify_gains_from_payload(
         problem = _problem(without, carrying, plain, cutoff_hz)
         link = np.asarray(np.linalg.inv(model.parameter_frames[plain.frames][-1]), dtype=np.float64)
         own = model.drives.gain if (model.drives.gain > 0).all() else None
-        found = identification.weighed_gains(problem, frame_map(link @ model.flange), known, own)
-    lost = found.std > identification.LARGEST_STD * found.gain
-    return GainsFromPayload(
-        gain=np.where(lost, np.nan, found.gain),
-        std=found.std,
-        found=found,
-        warnings=tuple(
-            Finding(
-                "low_excitation",
-                f"no drive gain for {model.joint_names[j]}: its standard deviation would be "
-                f"{100 * found.std[j] / found.gain[j]:.0f} %",
-            )
-            for j in np.flatnonzero(lost)
-        )
-        + record_findings(model, *without, *carrying),
-    )
+        turn = frame_map(link @ model.flange)
+        found = identification.gains_from_payload(problem, turn, known, own)
+    told_by = record_findings(model, *without, *carrying)
+    return replace(found, warnings=(*found.warnings, *told_by))
 
 
 def known_payload(mass: float, centre: ArrayLike | None, inertia: ArrayLike | None) -> Array:
