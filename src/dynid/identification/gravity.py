@@ -96,9 +96,8 @@ class GravityEstimate(Value):
         """
         model = self.base.model
         q = frozen(q, shape=(None, model.robot.joints), name="q", finite=False)
-        still = np.zeros_like(q)
-        columns = model.stack(q, still, still)[list(self.base.independent)]
-        return np.tensordot(self.values, columns, axes=1).T - model.known_torque(q)
+        still, values = np.zeros_like(q), self.base.to_standard(self.values)
+        return model.inverse_dynamics(q, still, still, values) - model.known_torque(q)
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""

@@ -357,23 +357,15 @@ class RecursiveLeastSquares(Estimator):
     """Recursive least squares over the record in order of time, rows weighted by joint noise.
 
     The square-root information filter: one small QR a batch of rows, nothing is inverted (Bierman
-    1977). At the end it equals weighted least squares over all rows.
+    1977), see `joint_factors`. At the end it equals weighted least squares over all rows.
     """
 
     name: ClassVar[str] = "rls"
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""
-        noise = WeightedLeastSquares().fit(problem).noise
-        width = problem.base.rank + 1
-        root = np.zeros((width, width))
-        for _, columns, torque in problem.chunks():
-            rows = np.concatenate([columns, torque[None]]) / noise[:, None]
-            root = upper_triangle(np.vstack([root, rows.reshape(width, -1).T]))
-        values, information = solve(root[None], np.ones(1))
-        return Fit(
-            values=values,
-            noise=residual_noise(joint_factors(problem), values, problem),
-            weights=1.0 / noise,
-            information=information,
-        )
+        weights = 1.0 / WeightedLeastSquares().fit(problem).noise
+        factors = joint_factors(problem)
+        values, information = solve(factors, weights)
+        noise = residual_noise(factors, values, problem)
+        return Fit(values=values, noise=noise, weights=weights, information=information)

@@ -32,9 +32,9 @@ def ar_covariance(fit: Fit, problem: IdentificationProblem, residual: Array) -> 
     lag0 = np.square(rows).sum(axis=1)
     lag1 = (rows[:, 1:] * rows[:, :-1]).sum(axis=1)
     reach = _reach(rows, lag0, lag1)
-    own = np.array([_near_and_late(x[:, None], m) for x, m in zip(rows, reach, strict=True)])
-    near, late = (own[:, :, :, 0] * rows[:, None]).sum(axis=2).T / 2
-    beside = [_near_and_late(x, m) for x, m in zip(designs, reach, strict=True)]
+    own = np.array([_beside(x[:, None], m)[2:, :, 0] for x, m in zip(rows, reach, strict=True)])
+    near, late = (own * rows[:, None]).sum(axis=2).T / 2
+    beside = [_beside(x, m) for x, m in zip(designs, reach, strict=True)]
     observed = np.divide(lag1, lag0, out=np.zeros_like(lag0), where=lag0 > 0)
     start = _ratio(late, near) ** (1.0 / np.array(reach))
     start = np.where(observed > NEGLIGIBLE, np.minimum(start, LARGEST_CORRELATION), 0.0)
@@ -99,8 +99,8 @@ def _reach(rows: Array, lag0: Array, lag1: Array) -> list[int]:
     return found
 
 
-def _near_and_late(columns: Array, reach: int) -> Array:
-    """(2, N, r) sums of the rows 1 to m, and m + 1 to 2 m, before and after each one."""
+def _beside(columns: Array, reach: int) -> Array:
+    """(4, N, r) sums of the rows before and after each one at the lags of `_expected_sums`."""
     count = len(columns)
     total = np.vstack([np.zeros((1, columns.shape[1])), np.cumsum(columns, axis=0)])
     here = np.arange(count)
@@ -109,7 +109,7 @@ def _near_and_late(columns: Array, reach: int) -> Array:
         return total[np.minimum(here + lag + 1, count)] - total[np.maximum(here - lag, 0)]
 
     narrow, middle, wide = (within(k * reach) for k in range(3))
-    return np.stack([middle - narrow, wide - middle])
+    return np.stack([2 * columns, within(1) - narrow, middle - narrow, wide - middle])
 
 
 def _ratio(part: Array, whole: Array) -> Array:
@@ -163,26 +163,13 @@ def _expected_sums(designs: Array, beside: list[Array], noise: _Noise, reach: li
     count = designs.shape[1]
     smoothed, spread = _spread(designs, noise, noise.variance)
     sums = np.empty((4, len(designs)))
-    for j, (x, s, (near, late)) in enumerate(zip(designs, smoothed, beside, strict=True)):
-        back = x @ spread
-        next_rows = np.zeros_like(x)
-        next_rows[:-1] = x[1:]
-        next_rows[1:] += x[:-1]
-        m = reach[j]
-        for i, (others, lags) in enumerate(
-            (
-                (2 * x, [0]),
-                (next_rows, [1]),
-                (near, range(1, m + 1)),
-                (late, range(m + 1, 2 * m + 1)),
-            )
-        ):
-            own = sum(
-                (noise.share[j] * noise.rho[j] ** k if k else 1.0) * (count - k) for k in lags
-            )
-            taken = float((s * others).sum())
-            given = float((back * others).sum()) / 2
-            sums[i, j] = noise.variance[j] * (own - taken) + given
+    for j, (x, s, others) in enumerate(zip(designs, smoothed, beside, strict=True)):
+        lags = np.arange(1, 2 * reach[j] + 1)
+        each = noise.share[j] * noise.rho[j] ** lags * (count - lags)
+        own = np.array([count, each[0], each[: reach[j]].sum(), each[reach[j] :].sum()])
+        taken = np.einsum("inr,nr->i", others, s)
+        given = np.einsum("inr,nr->i", others, x @ spread) / 2
+        sums[:, j] = noise.variance[j] * (own - taken) + given
     return sums
 
 

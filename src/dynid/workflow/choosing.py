@@ -108,10 +108,11 @@ def choose(
         purpose=settings.purpose,
         progress=progress,
     )
-    return chosen, (*averaged, *left, *_words(chosen, any(robot.prismatic)))
+    words = _words(chosen, settings.purpose, any(robot.prismatic))
+    return chosen, (*averaged, *left, *words)
 
 
-def _words(chosen: identification.Selection, slides: bool) -> tuple[str, ...]:
+def _words(chosen: identification.Selection, purpose: str, slides: bool) -> tuple[str, ...]:
     place, speed, torque = "rad", "rad/s", "N.m"
     if slides:
         place, speed, torque = "rad or m", "rad/s or m/s", "N.m or N"
@@ -126,7 +127,7 @@ def _words(chosen: identification.Selection, slides: bool) -> tuple[str, ...]:
         "position": "velocities differentiated from positions",
     }
     words = [
-        f"chosen for {chosen.purpose}",
+        f"chosen for {purpose}",
         f"cut-off {settings.cutoff_hz:g} Hz",
         sources[settings.velocity],
         f"torque delays {delays}",

@@ -126,19 +126,13 @@ Records = dict[tuple[str, str], ExperimentRecord]
 """By thermal state and what they are recorded for."""
 
 
-def _make_recordings(
-    folder: Path, quick: bool, tell: Progress
-) -> tuple[ExcitationDesign, Records, list[Path]]:
-    """Design two motions and run them on a simulated controller, cold and warm.
-
-    Returns:
-        The motion that is identified from, the recordings, and all files.
+def _make_recordings(folder: Path, quick: bool, tell: Progress) -> tuple[ExcitationDesign, Records]:
+    """Design two motions, the first to identify from, and run them on a simulated controller.
 
     Raises:
         JobError: No feasible motion was found, or a run was stopped.
     """
     designs: list[ExcitationDesign] = []
-    files: list[Path] = []
     starts = 1 if quick else STARTS
     for k, (name, seed) in enumerate(PURPOSES):
         tell(f"search motion {k + 1} of {len(PURPOSES)}", 0.3 * k)
@@ -150,8 +144,7 @@ def _make_recordings(
             seed=seed,
             jobs=starts,
         )
-        files.append(folder / f"{name}.json")
-        designs.append(design(ROBOT, settings, output=files[-1]))
+        designs.append(design(ROBOT, settings, output=folder / f"{name}.json"))
         if designs[-1].interrupted:
             raise KeyboardInterrupt
         if not designs[-1].feasible:
@@ -163,8 +156,7 @@ def _make_recordings(
             path = folder / f"{thermal}_{what}.parquet"
             _record(folder / f"{name}.json", path, thermal, 10 * seed + k, quick)
             records[thermal, what] = read_record(path)
-            files += [path, truth_path(path)]
-    return designs[0], records, files
+    return designs[0], records
 
 
 def _record(motion: Path, path: Path, thermal: str, seed: int, quick: bool) -> None:
@@ -259,14 +251,13 @@ def run_demo(
         raise InputError("the directory has no name", where="-o")
     folder = make_folder(directory)
     unfinished = folder / UNFINISHED
-    require_absent(*(folder / name for name in _names()), force=force or unfinished.exists())
+    files = tuple(folder / name for name in _names())
+    require_absent(*files, force=force or unfinished.exists())
     write_text(
         unfinished, "The demo that wrote these files has not ended: the next replaces them.\n"
     )
     robot = load_robot(ROBOT)
-    motion, records, files = _make_recordings(
-        folder, quick, lambda what, share: tell(what, 0.7 * share)
-    )
+    motion, records = _make_recordings(folder, quick, lambda what, share: tell(what, 0.7 * share))
     tell("analyze the UR5", 0.7)
     analysis = analyze(robot)
     results: dict[str, Identification] = {}
@@ -278,13 +269,11 @@ def run_demo(
             IdentifySettings(preset=preset),
             validation=records[thermal, RECORDED[1]],
         )
-        path = folder / f"{name}.json"
-        write_estimate(results[name].estimate, path)
-        files.append(path)
+        write_estimate(results[name].estimate, folder / f"{name}.json")
     paper, warm, best = (results[name] for _, _, name in ESTIMATES)
     change = compare(paper.estimate, warm.estimate)
     tell("write the report", 0.9)
-    page, _ = report(folder, folder / "report.html")
+    report(folder, folder / "report.html")
     tell("done", 1.0)
     demo = Demo(
         design=motion,
@@ -292,18 +281,20 @@ def run_demo(
         paper=paper,
         change=change,
         table=(*_comparison(analysis, motion, paper, best), *_warming(change, robot.joints)),
-        files=(*files, page, folder / "demo.json"),
+        files=files,
         wall_s=time.perf_counter() - started,
     )
-    write_json(folder / "demo.json", demo.to_json())
+    write_json(files[-1], demo.to_json())
     unfinished.unlink(missing_ok=True)
     return demo
 
 
 def _names() -> Generator[str]:
-    """The files of a demo, but for the truths beside its recordings."""
+    """The files of a demo, its own last."""
     yield from (f"{name}.json" for name, _ in PURPOSES)
     for thermal in THERMAL:
-        yield from (f"{thermal}_{what}.parquet" for what in RECORDED)
+        for what in RECORDED:
+            yield f"{thermal}_{what}.parquet"
+            yield truth_path(Path(f"{thermal}_{what}.parquet")).name
     yield from (f"{name}.json" for _, _, name in ESTIMATES)
     yield from ("report.html", "demo.json")

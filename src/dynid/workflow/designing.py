@@ -160,10 +160,10 @@ class _DesignJob:
         self.weights = given if asked.minimised in PAPER else self.noise
         self.previous: Array | None = self._information(self.noise) if asked.previous else None
 
-    def design(self, period_s: float, repetitions: int = 1) -> excitation.ExcitationDesign:
+    def design(self, period_s: float) -> excitation.ExcitationDesign:
         """The design of one period."""
         optimised = _optimised(self._problem(period_s, self.purpose), self.asked, self.tell)
-        return self._told(optimised, period_s, repetitions)
+        return self._told(optimised, period_s)
 
     def shortest(self, percent: float) -> excitation.ExcitationDesign:
         """The shortest whole number of periods that is expected to reach an accuracy.
@@ -264,7 +264,7 @@ class _DesignJob:
         return replace(found, repetitions=count, expected=told, findings=self._findings(told, 1))
 
     def _told(
-        self, optimised: excitation.Optimised, period_s: float, repetitions: int
+        self, optimised: excitation.Optimised, period_s: float
     ) -> excitation.ExcitationDesign:
         asked, base, finished = self.asked, self.base, optimised.finished
         problem, search = self._problem(period_s, None), optimised.search
@@ -293,8 +293,8 @@ class _DesignJob:
             criterion=asked.minimised,
             method=word_of(asked.method),
             criteria=criteria | {"prediction": prediction.value(gram)},
-            expected=self._expected(gram, repetitions),
-            repetitions=repetitions,
+            expected=self._expected(gram, 1.0),
+            repetitions=1,
             findings=self._findings(self._expected(gram, RUN), RUN),
             scaled_condition_number=excitation.scaled_condition_number(plain),
             base_parameters=base.rank,

@@ -44,11 +44,8 @@ class Selection:
     near_weights: tuple[float, ...]
     """Weights of the published inertias (see `TowardPublished`) that score alike, to a standard
     error, of which the last is taken; 0 for none."""
-    score: float
-    """Sum over joints of log RMS of the left-out error [log N.m], rows that count."""
     noise: Array
-    """(n) left-out RMS error of these rows [N.m or N]."""
-    purpose: str
+    """(n) left-out RMS error of the rows that count [N.m or N]."""
     delays_std_s: tuple[float, ...] | None
     """(n) standard deviations of the measured delays [s]; None where they were given."""
 
@@ -145,9 +142,7 @@ def select(
         settings=settings,
         friction=search.friction(settings, choices, near_weights[-1]),
         near_weights=near_weights,
-        score=now.value,
         noise=now.noise,
-        purpose=purpose,
         delays_std_s=late.std_s,
     )
 
