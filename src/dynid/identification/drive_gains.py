@@ -13,7 +13,7 @@ from dynid.core import (
     Value,
     freeze,
     inverse_upper,
-    plain,
+    table,
     told,
     upper_triangle,
 )
@@ -64,10 +64,7 @@ class DriveGains(Value):
         """A JSON object for joints of these names; null where a gain is not known."""
         return {
             "samples": self.samples,
-            "gains": [
-                {"joint": name, **{key: plain(float(getattr(self, key)[j])) for key in _COLUMNS}}
-                for j, name in enumerate(names)
-            ],
+            "gains": table(joint=names, **{key: getattr(self, key) for key in _COLUMNS}),
             **told(self.warnings),
         }
 

@@ -22,6 +22,7 @@ from dynid.core import (
     plain,
     provenance_from_json,
     read_only,
+    table,
     write_json,
 )
 from dynid.identification.selection.assessment import Assessment, assessment_from_json
@@ -294,39 +295,28 @@ class Estimate(Value):
     def standard_table(self) -> list[dict[str, Any]] | None:
         """One JSON object a standard parameter, where the estimator finds them."""
         known = self.standard
-        if known is None:
-            return None
-        return [
-            {
-                "name": name,
-                "value": float(known.values[k]),
-                "unit": column.unit,
-                "from": known.origins[k],
-                "prior_share": float(known.prior_share[k]),
-                "std": float(known.std[k]),
-                "prior": plain(float(known.prior[k])),
-            }
-            for k, (name, column) in enumerate(
-                zip(self.model.names, self.model.columns, strict=True)
-            )
-        ]
+        return known and table(
+            name=self.model.names,
+            value=known.values,
+            unit=[column.unit for column in self.model.columns],
+            **{"from": known.origins},
+            prior_share=known.prior_share,
+            std=known.std,
+            prior=known.prior,
+        )
 
     def parameter_table(self) -> list[dict[str, Any]]:
         """One JSON object a base parameter."""
-        relative = self.relative_std_percent
-        return [
-            {
-                "name": name,
-                "value": float(self.values[k]),
-                "unit": unit,
-                "std": float(self.std[k]),
-                "relative_std_percent": plain(float(relative[k])),
-                "std_naive": float(self.naive_std[k]),
-                "essential": k in self.essential,
-                "expression": self.expressions[k],
-            }
-            for k, (name, unit) in enumerate(zip(self.names, self.units, strict=True))
-        ]
+        return table(
+            name=self.names,
+            value=self.values,
+            unit=self.units,
+            std=self.std,
+            relative_std_percent=self.relative_std_percent,
+            std_naive=self.naive_std,
+            essential=[k in self.essential for k in range(len(self.values))],
+            expression=self.expressions,
+        )
 
     def summary(self) -> dict[str, Any]:
         """What both the file and the result of an identification state, as JSON has it."""

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, Finding, InputError, Mask, Value, freeze, frozen, told
+from dynid.core import Array, Finding, InputError, Mask, Value, freeze, frozen, table, told
 from dynid.identification import least_squares
 from dynid.identification.bayesian import deviations, inertial_prior, likely_scale, posterior
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
@@ -104,19 +104,19 @@ class GravityEstimate(Value):
         model = self.base.model
         parameters = self.base.to_standard(self.values)
         links = parameters[: 10 * model.robot.joints].reshape(-1, 10)[:, :4]
-        rows = zip(
-            self.base.names, self.base.expressions, self.base.units, self.values.tolist(),
-            self.std.tolist(), self.from_prior, strict=True,
-        )  # fmt: skip
-        keys = ("name", "expression", "unit", "value", "std", "from_prior")
         return {
             "robot": model.robot.name,
             "frames": model.frames,
             "poses": self.poses,
-            "parameters": [dict(zip(keys, row, strict=True)) for row in rows],
-            "links": [
-                dict(zip(("m", "mx", "my", "mz"), row, strict=True)) for row in links.tolist()
-            ],
+            "parameters": table(
+                name=self.base.names,
+                expression=self.base.expressions,
+                unit=self.base.units,
+                value=self.values,
+                std=self.std,
+                from_prior=self.from_prior,
+            ),
+            "links": table(m=links[:, 0], mx=links[:, 1], my=links[:, 2], mz=links[:, 3]),
             "left_out_rms": self.left_out.tolist(),
             "published_rms": None if self.published is None else self.published.tolist(),
             "stiction_band": self.band.tolist(),

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Finding, Value, freeze, solve_upper, told, upper_triangle
+from dynid.core import Array, Finding, Value, freeze, solve_upper, table, told, upper_triangle
 from dynid.identification.shared import PAYLOAD, UNKNOWN, SharedFit, SharedProblem
 from dynid.robot import (
     PARAMETER_UNITS,
@@ -164,16 +164,13 @@ class Payload(Value):
             "centre_std": centre_std.tolist(),
             "centre_interval": np.stack([centre - half_centre, centre + half_centre], 1).tolist(),
             "inertia_about_centre": self.inertia.tolist(),
-            "parameters": [
-                {
-                    "name": name,
-                    "unit": unit,
-                    "value": float(self.parameters[k]),
-                    "std": float(self.std[k]),
-                    "least_squares": float(self.free[k]),
-                }
-                for k, (name, unit) in enumerate(zip(PARAMETERS, PARAMETER_UNITS, strict=True))
-            ],
+            "parameters": table(
+                name=PARAMETERS,
+                unit=PARAMETER_UNITS,
+                value=self.parameters,
+                std=self.std,
+                least_squares=self.free,
+            ),
             "noise": self.noise.tolist(),
             "samples": self.samples,
             **told(self.warnings),

@@ -22,6 +22,7 @@ from dynid.core import (
     Value,
     plain,
     read_only,
+    table,
     told,
     upper_triangle,
 )
@@ -415,14 +416,15 @@ class ParameterComparison(Value):
 
     def to_json(self) -> dict[str, Any]:
         """The keys that `dynid compare --json` prints."""
-        numbers = np.stack([self.a, self.b, self.change_percent, self.z], axis=1).tolist()
-        words = zip(self.names, self.units, strict=True)
-        rows = ((*known, *own) for known, own in zip(words, numbers, strict=True))
         return {
-            "parameters": [
-                dict(zip(("name", "unit", "a", "b", "change_percent", "z"), row, strict=True))
-                for row in rows
-            ],
+            "parameters": table(
+                name=self.names,
+                unit=self.units,
+                a=self.a,
+                b=self.b,
+                change_percent=self.change_percent,
+                z=self.z,
+            ),
             "groups": {group.name: self._group_to_json(group) for group in self.groups},
             **told(self.warnings),
         }

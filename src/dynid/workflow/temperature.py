@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from dynid import identification
-from dynid.core import Finding, InputError, Progress, told
+from dynid.core import Finding, InputError, Progress, table, told
 from dynid.recording import RecordLike, checked_records, open_several
 from dynid.robot import RobotLike, load_robot
 from dynid.settings import IdentifySettings
@@ -26,19 +26,22 @@ class TemperatureIdentification(identification.TemperatureModel):
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
         names = self.shared.problem.problems[0].base.model.robot.joint_names
-        keys = ("name", "value", "std", "fall_per_K", "fall_std")
         laws: list[dict[str, Any]] = []
         for name, law in zip(names, self.laws, strict=True):
             std, fall_std = np.sqrt(np.diag(law.covariance)).reshape(2, -1)
-            columns = (law.reference, std, law.slope, fall_std)
-            rows = zip(law.symbols, *(column.tolist() for column in columns), strict=True)
             laws.append(
                 {
                     "joint": name,
                     "law": law.law,
                     "reference_degC": law.reference_degC,
                     "range_degC": list(law.range_degC),
-                    "parameters": [dict(zip(keys, row, strict=True)) for row in rows],
+                    "parameters": table(
+                        name=law.symbols,
+                        value=law.reference,
+                        std=std,
+                        fall_per_K=law.slope,
+                        fall_std=fall_std,
+                    ),
                 }
             )
         return {
