@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dynid.core import Array, Mask, Value, plain
 from dynid.robot import joints_by_kind
@@ -45,40 +46,33 @@ def metrics(
     Joints (n) are of one kind unless `prismatic` says which of them slide.
     """
     counted = np.ones(measured.shape, dtype=bool) if mask is None else mask.astype(bool)
-    joints = measured.shape[1]
-    columns: list[tuple[float, float, float, float]] = []
-    square, energy = np.zeros((2, joints))
-    for j in range(joints):
-        torque, error = measured[counted[:, j], j], (measured - predicted)[counted[:, j], j]
-        squares = float(np.square(error).sum())
-        norm = float(np.square(torque).sum())
-        square[j], energy[j] = squares, norm
-        if len(torque) == 0:
-            columns.append((np.nan, np.nan, np.nan, np.nan))
-            continue
-        rms = np.sqrt(squares / len(torque))
-        reach = float(np.ptp(torque))
-        # Rounding of the mean would give a constant torque a spread.
-        spread = float(np.square(torque - torque.mean()).sum()) if reach > 0 else 0.0
-        relative = 100 * np.sqrt(_ratio(squares, norm))
-        columns.append((rms, _ratio(rms, reach), relative, 1 - _ratio(squares, spread)))
-    rmse, nrmse, relative_error, r2 = np.array(columns).T
-    samples = counted.sum() / joints
+    number, joints = counted.sum(axis=0), measured.shape[1]
+    torque, error = (np.where(counted, x, 0.0) for x in (measured, measured - predicted))
+    energy, square = np.square(torque).sum(axis=0), np.square(error).sum(axis=0)
+    highest = np.max(measured, axis=0, where=counted, initial=-np.inf)
+    reach = highest - np.min(measured, axis=0, where=counted, initial=np.inf)
+    centred = np.where(counted, measured - _ratio(torque.sum(axis=0), number), 0.0)
+    # Rounding of the mean would give a constant torque a spread.
+    spread = np.where(reach > 0, np.square(centred).sum(axis=0), 0.0)
+    rmse = np.sqrt(_ratio(square, number))
     kinds = joints_by_kind(prismatic or [False] * joints).values()
-    overall = [_ratio(float(square[j].sum()), float(energy[j].sum())) for j in kinds]
+    overall = [_ratio(square[j].sum(), energy[j].sum()) for j in kinds]
+    samples = number.sum() / joints
     return Metrics(
         samples=round(samples),
-        normalized_error=_ratio(np.sqrt(square.sum()), samples),
+        normalized_error=float(_ratio(np.sqrt(square.sum()), samples)),
         rmse=rmse,
-        nrmse=nrmse,
-        relative_error_percent=relative_error,
+        nrmse=_ratio(rmse, reach),
+        relative_error_percent=100 * np.sqrt(_ratio(square, energy)),
         relative_error_overall_percent=float(100 * np.sqrt(np.fmax.reduce(overall))),
-        r2=r2,
+        r2=1 - _ratio(square, spread),
     )
 
 
-def _ratio(above: float, below: float) -> float:
-    return above / below if below > 0 else np.nan
+def _ratio(above: ArrayLike, below: ArrayLike) -> Array:
+    """NaN where there is nothing below."""
+    known = np.asarray(below, dtype=np.float64)
+    return np.divide(above, known, out=np.full(known.shape, np.nan), where=known > 0)
 
 
 def errors_by_kind(

@@ -34,9 +34,6 @@ class GramBlocks:
     rows: Array
     """(n, C) number of rows."""
 
-    def __add__(self, other: GramBlocks) -> GramBlocks:
-        return GramBlocks(products=self.products + other.products, rows=self.rows + other.rows)
-
     def merged(self, groups: Indices) -> GramBlocks:
         """Cells summed by group (C), numbered from 0; -1 leaves a cell out."""
         found = [groups == group for group in range(int(groups.max(initial=-1)) + 1)]
@@ -49,7 +46,7 @@ class GramBlocks:
 def gram_blocks(
     parts: Iterable[tuple[slice, Array]], labels: Indices, cells: int, width: int
 ) -> GramBlocks:
-    """Sum the products of parts of a recording.
+    """Sum the products of parts of recordings.
 
     Args:
         parts: Rows covered and their columns and torques (m, n, T).

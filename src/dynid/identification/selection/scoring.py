@@ -231,17 +231,17 @@ class ScoreSearch:
         keys = np.stack(np.unravel_index(codes, sizes))
         width = self.base.rank + len(columns.positive) + len(versions)
         counted = keys[-1] if self.anywhere else np.ones(keys.shape[1], dtype=np.intp)
-        total: gram.GramBlocks | None = None
-        first, n = 0, self.robot.joints
-        for signals, samples, label in zip(self.recordings, processed, labels, strict=True):
-            here = cells[first : first + label.shape[1]].reshape(n, -1)
-            first += label.shape[1]
-            parts = self._parts(signals, samples, settings, columns, versions, inertias)
-            blocks = gram.gram_blocks(parts, here, keys.shape[1], width)
-            total = blocks if total is None else total + blocks
-        if total is None:
-            raise InputError("needs at least one record")
-        return CandidateBlocks(total, keys[:-1], keys[-1], counted)
+        n = self.robot.joints
+        starts = np.cumsum([0, *(label.shape[1] // n for label in labels)])
+        split = np.split(cells, n * starts[1:-1])
+        parts = (
+            (slice(first + rows.start, first + rows.stop), values)
+            for first, signals, samples in zip(starts, self.recordings, processed, strict=False)
+            for rows, values in self._parts(signals, samples, settings, columns, versions, inertias)
+        )
+        by_joint = np.concatenate([each.reshape(n, -1) for each in split], axis=1)
+        blocks = gram.gram_blocks(parts, by_joint, keys.shape[1], width)
+        return CandidateBlocks(blocks, keys[:-1], keys[-1], counted)
 
     def _labels(self, samples: Samples, recording: int) -> Indices:
         """(K, n N) groups of each row in each partition, and whether its joint moves."""
