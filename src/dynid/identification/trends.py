@@ -9,7 +9,7 @@ the statistic as a step does.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -41,35 +41,40 @@ YEAR_DAYS = 365.25
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trend(Value):
-    """A series of one joint over its recordings."""
+    """A series of one joint over its recordings; without any where there are too few."""
 
-    time_s: Array
+    time_s: Array = field(default_factory=lambda: np.full(1, np.nan))
     """(R) when each recording was made, ascending [s]."""
-    at_reference: Array
+    at_reference: Array = field(default_factory=lambda: np.full(1, np.nan))
     """(R) values less the effect of temperature."""
-    std: Array
+    std: Array = field(default_factory=lambda: np.full(1, np.nan))
     """(R) standard deviation of each, the scatter between recordings included."""
-    reference_degC: float
+    reference_degC: float = np.nan
     """Temperature of `at_reference`; NaN where no temperatures are known."""
-    per_kelvin: float
+    per_kelvin: float = np.nan
     """Slope over temperature there; 0 where none was regressed out."""
-    level: float
+    level: float = np.nan
     """Mean at the reference temperature, without a step."""
-    level_std: float
-    step_at: int
+    level_std: float = np.nan
+    step_at: int = 0
     """The first recording after the step that fits best."""
-    before: float
+    before: float = np.nan
     """Mean at the reference temperature before that step."""
-    change: float
+    change: float = np.nan
     """Height of that step."""
-    change_std: float
-    after_std: float
+    change_std: float = np.nan
+    after_std: float = np.nan
     """Standard deviation of the mean after that step."""
-    slope_per_year: float
+    slope_per_year: float = np.nan
     """Of a straight line in place of the step."""
-    slope_std: float
-    p_value: float
+    slope_std: float = np.nan
+    p_value: float = 1.0
     """Probability of a step statistic as large without any change."""
+
+    @property
+    def known(self) -> bool:
+        """Whether there were enough recordings."""
+        return bool(np.isfinite(self.level))
 
 
 def repeated_motions(speed: Array) -> Indices:
@@ -99,7 +104,7 @@ def trend(
     *,
     motion: Indices | None = None,
     permutations: int = PERMUTATIONS,
-) -> Trend | None:
+) -> Trend:
     """Regress temperature and motion out of a series, and look for a change.
 
     Errors of recordings are exchangeable over time once divided by their deviations: the given
@@ -115,12 +120,12 @@ def trend(
         permutations: At most so many; the smallest p value is one over them.
 
     Returns:
-        The trend; None with fewer than `LEAST_RECORDINGS` recordings, or times that are equal.
+        The trend; not known with fewer than `LEAST_RECORDINGS` recordings, or equal times.
     """
     count = len(values)
     steps = _steps(time_s)
     if count < LEAST_RECORDINGS or not len(steps):
-        return None
+        return Trend()
     design = _temperature_columns(temperature_degC, reference_degC)
     warm = design.shape[1] > 1
     if motion is not None:
@@ -289,9 +294,9 @@ class JointState:
     """Of the friction level."""
     reference_speed: float
     """Speed at which the friction level is taken [rad/s or m/s]."""
-    friction: Trend | None
-    """Of the friction level at that speed; None with too few recordings."""
-    control: Trend | None
+    friction: Trend
+    """Of the friction level at that speed."""
+    control: Trend
     """Of the torque scale: measured over predicted torque of the inertias."""
     friction_p: float = 1.0
     """P value corrected for the whole fleet."""
@@ -303,8 +308,6 @@ class JointState:
     @property
     def change_percent(self) -> tuple[float, float, float]:
         """Step of the friction level, with its 95 % interval [%]; NaN without a trend."""
-        if self.friction is None:
-            return float("nan"), float("nan"), float("nan")
         size = 100.0 / max(abs(self.friction.before), 1e-12)
         step, width = size * self.friction.change, size * CONFIDENCE * self.friction.change_std
         return step, step - width, step + width
@@ -312,16 +315,12 @@ class JointState:
     @property
     def now(self) -> float:
         """Friction level at the reference temperature; after the step where there is an alarm."""
-        if self.friction is None:
-            return float("nan")
         one = self.friction
         return one.before + one.change if self.alarm else one.level
 
     @property
     def now_std(self) -> float:
         """Standard deviation of `now`."""
-        if self.friction is None:
-            return float("nan")
         return self.friction.after_std if self.alarm else self.friction.level_std
 
 
@@ -335,7 +334,7 @@ def judge(joints: Sequence[JointState], limit: float) -> tuple[tuple[JointState,
         (k, word)
         for word in ("friction", "control")
         for k, joint in enumerate(joints)
-        if getattr(joint, word) is not None
+        if getattr(joint, word).known
     ]
     corrected = dict(
         zip(tested, holm([getattr(joints[k], word).p_value for k, word in tested]), strict=True)
@@ -355,12 +354,10 @@ def judge(joints: Sequence[JointState], limit: float) -> tuple[tuple[JointState,
 def _friction_alone(joint: JointState, moved: Sequence[JointState]) -> bool:
     """Whether no gain, and no load that moved other joints' controls with it, explains a change."""
     friction = joint.friction
-    if friction is None:
-        return False
     size = abs(friction.change / friction.before)
     for one in moved:
         control = one.control
-        if control is None or one.robot != joint.robot:
+        if one.robot != joint.robot:
             continue
         if one is not joint and abs(control.step_at - friction.step_at) >= SEGMENT:
             continue

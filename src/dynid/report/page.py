@@ -71,10 +71,10 @@ def _alarms(joints: Sequence[JointState]) -> str:
 
 def _plots(joints: Sequence[JointState]) -> str:
     """Friction at the left and its control at the right, joint by joint."""
-    known = [joint for joint in joints if joint.friction is not None]
+    known = [joint for joint in joints if joint.friction.known]
     if not known:
         return "<p>Too few recordings for trends.</p>"
-    days = [one.time_s / DAY_S for joint in known for one in (joint.friction,) if one is not None]
+    days = [joint.friction.time_s / DAY_S for joint in known]
     first = min(float(np.floor(d[0])) for d in days)
     last = max(float(d[-1]) for d in days)
     # Seconds since 1970 have no ticks that a reader knows.
@@ -98,7 +98,7 @@ def _panels(joint: JointState, first_day: float) -> Iterator[draw.Panel]:
         (joint.friction, f"{name}: friction [{unit}], {told}", bool(joint.alarm)),
         (joint.control, scale, joint.alarm == "torque_scale"),
     ):
-        if trend is None:
+        if not trend.known:
             yield draw.Panel(
                 marks=(), y=draw.Axis(low=0.0, high=1.0), title=title, height=PLOT_HEIGHT
             )

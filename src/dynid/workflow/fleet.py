@@ -4,6 +4,7 @@ import csv
 import importlib
 import io
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -82,11 +83,8 @@ class Fleet:
                 "robot": name,
                 "model": group[0].model,
                 "recordings": len(group),
-                "first": _iso_time(group[0].time_s),
-                # Those without a time come last.
-                "last": _iso_time(
-                    next((o.time_s for o in group[::-1] if np.isfinite(o.time_s)), np.nan)
-                ),
+                "first": _iso_time(np.fmin.reduce([one.time_s for one in group])),
+                "last": _iso_time(np.fmax.reduce([one.time_s for one in group])),
                 "joints": [_joint_row(joint) for joint in self.joints if joint.robot == name],
             }
             for name, group in _by_robot(self.recordings).items()
@@ -227,10 +225,9 @@ def _missing(
                 f"recordings, {low:.3g} to {high:.3g} degC: friction there is extrapolated"
             )
             yield Finding("extrapolated", text, next_step="Leave --reference out.")
-    dated = [one for one in recordings if not np.isnan(one.time_s)]
-    known = {name: len(group) for name, group in _by_robot(dated).items()}
+    known = Counter(one.robot for one in recordings if not np.isnan(one.time_s))
     least = identification.LEAST_RECORDINGS
-    rare = [one for one in recordings if known.get(one.robot, 0) < least]
+    rare = [one for one in recordings if known[one.robot] < least]
     few = sorted({one.robot or f"{one.model} without a name" for one in rare})
     if few:
         text = (
@@ -242,7 +239,7 @@ def _missing(
 
 def _unreachable(joints: Sequence[identification.JointState], family: float) -> Iterator[Finding]:
     """Robots without alarms whatever happens; the family is all tests over the false alarms."""
-    sizes = {one.robot: len(one.friction.std) for one in joints if one.friction is not None}
+    sizes = {one.robot: len(one.friction.std) for one in joints if one.friction.known}
     # Of n recordings in all orders, n over n/2 have different ones before and after a step.
     few = [name for name, size in sizes.items() if math.comb(size, size // 2) < family]
     if few:
@@ -325,14 +322,13 @@ def _robot(
             (f"friction{j + 1}", *pair[0], shown[0], friction),
             (f"torque_scale{j + 1}", *pair[1], shown[1], control),
             *(
-                (n, states.friction[:, j, f], own[:, f], dated, None)
+                (n, states.friction[:, j, f], own[:, f], dated, identification.Trend())
                 for f, n in enumerate(names[j])
             ),
         ]
         for quantity, value, std, told_by, over in series:
             at = np.full((2, len(group)), np.nan)
-            if over is not None:
-                at[:, told_by] = over.at_reference, over.std
+            at[:, told_by] = over.at_reference, over.std
             rows += [
                 {
                     **facts,
@@ -356,8 +352,8 @@ def _alarm(joint: identification.JointState) -> Finding:
     """An alarm as a finding."""
     step, low, high = joint.change_percent
     friction, control = joint.friction, joint.control
-    size = 100.0 * (control.change if control is not None else float("nan"))
-    if joint.alarm == "friction_drift" and friction is not None:
+    size = 100.0 * control.change
+    if joint.alarm == "friction_drift":
         since = _moment(float(friction.time_s[friction.step_at]))
         return Finding(
             "friction_drift",
@@ -424,27 +420,26 @@ def _joint_row(joint: identification.JointState) -> dict[str, Any]:
     """The state of a joint: a row of the CSV, an object of the JSON."""
     step, low, high = joint.change_percent
     one, control = joint.friction, joint.control
-    nan = float("nan")
-    percent = 100 / max(abs(one.level), 1e-12) if one else nan
-    changed = _iso_time(float(one.time_s[one.step_at])) if one and joint.alarm else None
+    percent = 100 / max(abs(one.level), 1e-12)
+    changed = _iso_time(float(one.time_s[one.step_at])) if joint.alarm else None
     return {
         "robot": joint.robot,
         "joint": joint.joint + 1,
         "name": joint.name,
         "unit": joint.unit,
         "reference_speed": joint.reference_speed,
-        "reference_degC": one.reference_degC if one else nan,
+        "reference_degC": one.reference_degC,
         "friction": joint.now,
         "friction_std": joint.now_std,
         "change_percent": step,
         "change_low_percent": low,
         "change_high_percent": high,
         "changed_at": changed,
-        "slope_percent_per_year": percent * one.slope_per_year if one else nan,
-        "slope_std_percent": percent * one.slope_std if one else nan,
-        "per_kelvin_percent": percent * one.per_kelvin if one else nan,
-        "torque_scale": (control.before + control.change if control else nan),
-        "torque_scale_change_percent": 100 * control.change if control else nan,
+        "slope_percent_per_year": percent * one.slope_per_year,
+        "slope_std_percent": percent * one.slope_std,
+        "per_kelvin_percent": percent * one.per_kelvin,
+        "torque_scale": control.before + control.change,
+        "torque_scale_change_percent": 100 * control.change,
         "p_friction": joint.friction_p,
         "p_torque_scale": joint.control_p,
         "alarm": joint.alarm or None,

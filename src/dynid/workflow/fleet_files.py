@@ -5,10 +5,11 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path, PurePath, PurePosixPath
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +37,7 @@ from dynid.robot import load_robot, robot_to_json
 from dynid.signals import ProcessingSettings, process
 from dynid.workflow.recordings import known_gains, stored_robot
 
-SCHEME = 3
+SCHEME = 4
 """Of what is cached; another number makes all of it new."""
 MANIFEST = "manifest.csv"
 COLUMNS = ("file", "robot", "model", "time", "temperature_degC")
@@ -54,8 +55,8 @@ EPOCH_FROM_S = 1e8
 class FleetRecording(Value):
     """One recording of a fleet, and what it contributes."""
 
-    path: str
-    """Relative to the folder."""
+    path: str = ""
+    """Relative to the folder; not yet known of one that was computed or cached."""
     robot: str
     """The individual."""
     model: str
@@ -114,7 +115,7 @@ def read_folder(
         if known is None:
             waiting[name] = (place, digest, row)
         else:
-            found.append(_placed(name, known, row, computed=False))
+            found.append(_placed(name, known, row))
     names = list(waiting)
     jobs = [(place, row.get("model") or model, terms) for place, _, row in waiting.values()]
     for number, outcome in each(_contribution, jobs, beside, tell=progress, words="recordings"):
@@ -123,24 +124,14 @@ def read_folder(
         if isinstance(outcome, str):
             skipped.append((name, outcome))
             continue
-        _keep(cache / f"{digest}.npz", outcome)
-        found.append(_placed(name, outcome, row, computed=True))
+        _keep(cache / f"{digest}.npz", outcome, terms)
+        found.append(_placed(name, outcome, row))
     found.sort(key=lambda one: (one.robot, np.nan_to_num(one.time_s, nan=np.inf), one.path))
     return found, sorted(skipped)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Contribution:
-    """What is cached of a recording."""
-
-    statistics: RecordStatistics
-    temperature_degC: Array
-    facts: Mapping[str, str]
-    """`model`, `key` (of model and terms), and where known `mount`, `robot` and `time`."""
-
-
-def _contribution(job: tuple[str, str | None, str]) -> _Contribution | str:
-    """The statistics of one file, or why there are none; in a worker.
+def _contribution(job: tuple[str, str | None, str]) -> FleetRecording | str:
+    """What one file says and its statistics, or why there are none; in a worker.
 
     The job is the recording (path or URL), its robot (None for what it says), and friction terms.
     """
@@ -152,7 +143,8 @@ def _contribution(job: tuple[str, str | None, str]) -> _Contribution | str:
             record, _ = known_gains(open_record(path, plain), plain)
             extra = record.metadata.extra
             mount = extra.get("mount", "file")
-            base = base_of(reference, terms, None if mount == "file" else mount)
+            mount = None if mount == "file" else mount
+            base = base_of(reference, terms, mount)
             robot = base.model.robot
         with one_thread():
             samples = process(record, robot, ProcessingSettings(decimate=True))
@@ -160,19 +152,18 @@ def _contribution(job: tuple[str, str | None, str]) -> _Contribution | str:
             statistics = record_statistics(problem)
     except DynidError as error:
         return error.line
-    facts = {"model": reference, "key": _key(reference, terms)}
-    facts |= {} if mount == "file" else {"mount": mount}
-    for fact, keys in (("robot", ROBOT_KEYS), ("time", TIME_KEYS)):
-        named = [extra[key] for key in keys if extra.get(key)]
-        facts |= {fact: named[0]} if named else {}
-    first = float(extra.get("t0", "nan"))
-    if "time" not in facts and first >= EPOCH_FROM_S:
-        facts["time"] = datetime.fromtimestamp(first, UTC).isoformat()
-    warm = record.signals.get("temperature")
-    return _Contribution(
-        statistics=statistics,
+    named, when = (
+        next((extra[key] for key in keys if extra.get(key)), "") for keys in (ROBOT_KEYS, TIME_KEYS)
+    )
+    first, warm = float(extra.get("t0", "nan")), record.signals.get("temperature")
+    return FleetRecording(
+        robot=named,
+        model=reference,
+        mount=mount,
+        time_s=_seconds(when) if when or not first >= EPOCH_FROM_S else first,
         temperature_degC=np.full(robot.joints, np.nan) if warm is None else warm.mean(axis=0),
-        facts=facts,
+        statistics=statistics,
+        computed=True,
     )
 
 
@@ -198,15 +189,12 @@ _DYNAMICS = (
 """Of a robot, what torques and columns follow from."""
 
 
-def _placed(
-    name: str, known: _Contribution, row: Mapping[str, str], *, computed: bool
-) -> FleetRecording:
+def _placed(name: str, known: FleetRecording, row: Mapping[str, str]) -> FleetRecording:
+    """A recording with what the manifest and the names of its folders say besides."""
     folders = name.split("/")[:-1]
     # A file in the folder of its day may tell the time as well.
     day = max(_DAY.findall(name), key=len, default="")
     named = next((part for part in folders if not _DAY.fullmatch(part)), "")
-    facts = known.facts
-    when = facts.get("time") or row.get("time") or day
     temperature = known.temperature_degC
     if np.isnan(temperature).any() and row.get("temperature_degC"):
         try:
@@ -215,15 +203,13 @@ def _placed(
             said = f"a temperature in {MANIFEST} is no number"
             raise InputError(said, where=name, value=row["temperature_degC"]) from error
         temperature = np.where(np.isnan(temperature), given, temperature)
-    return FleetRecording(
+    told = known.time_s
+    return replace(
+        known,
         path=name,
-        robot=facts.get("robot") or row.get("robot") or named,
-        model=facts["model"],
-        mount=facts.get("mount"),
-        time_s=_seconds(when),
+        robot=known.robot or row.get("robot") or named,
+        time_s=_seconds(row.get("time") or day) if np.isnan(told) else told,
         temperature_degC=temperature,
-        statistics=known.statistics,
-        computed=computed,
     )
 
 
@@ -333,21 +319,25 @@ def _manifest(path: Path) -> Manifest:
     }
 
 
-def _cached(path: Path, model: str | None, terms: str) -> _Contribution | None:
+def _cached(path: Path, model: str | None, terms: str) -> FleetRecording | None:
     """What is cached, if it is of the same model and terms; None else, or where damaged."""
     stored = read_arrays(path)
     try:
-        facts: dict[str, str] = json.loads(str(stored.pop("facts")))
-        if facts["key"] != _key(model or facts["model"], terms):
+        facts: dict[str, Any] = json.loads(str(stored.pop("facts")))
+        if facts.pop("key") != _key(model or facts["model"], terms):
             return None
         temperature, samples = stored.pop("temperature_degC"), int(stored.pop("samples"))
         statistics = RecordStatistics(**stored, samples=samples)
+        return FleetRecording(
+            **facts, temperature_degC=temperature, statistics=statistics, computed=False
+        )
     # What another version cached, or whose robot file has gone, is computed again.
     except (KeyError, TypeError, ValueError, DynidError):
         return None
-    return _Contribution(statistics=statistics, temperature_degC=temperature, facts=facts)
 
 
-def _keep(path: Path, known: _Contribution) -> None:
-    more = {"temperature_degC": known.temperature_degC, "facts": json.dumps(dict(known.facts))}
-    write_arrays(path, {**asdict(known.statistics), **more})
+def _keep(path: Path, known: FleetRecording, terms: str) -> None:
+    facts = {name: getattr(known, name) for name in ("robot", "model", "mount", "time_s")}
+    more = json.dumps(facts | {"key": _key(known.model, terms)})
+    temperature = {"temperature_degC": known.temperature_degC}
+    write_arrays(path, {**asdict(known.statistics), **temperature, "facts": more})
