@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from dynid.identification import MotionRange
 from dynid.identification.selection.unseen import Unseen, unseen
 from dynid.robot import load_robot
 
@@ -15,7 +16,8 @@ def known(still: int | None = None) -> Unseen:
     reach = EACH.copy()
     if still is not None:
         reach[still] = 1e-4
-    return unseen(load_robot("ur5"), parameters, reach, 0.5 * EACH, 2 * EACH)
+    motion = MotionRange(lower=0 * EACH, upper=reach, speed=0.5 * EACH, acceleration=2 * EACH)
+    return unseen(load_robot("ur5"), parameters, motion)
 
 
 def deviation(of: Unseen, speed: float, acceleration: float) -> np.ndarray:

@@ -17,7 +17,6 @@ from dynid.identification.drive_gains import drive_gains as drive_gains
 from dynid.identification.drive_gains import gains_from_payload as gains_from_payload
 from dynid.identification.estimate import FORMAT as FORMAT
 from dynid.identification.estimate import Estimate as Estimate
-from dynid.identification.estimate import MotionRange as MotionRange
 from dynid.identification.estimate import StandardParameters as StandardParameters
 from dynid.identification.estimate import estimate_to_json as estimate_to_json
 from dynid.identification.estimate import read_estimate as read_estimate
@@ -71,6 +70,7 @@ from dynid.identification.selection.columns import without_negative as without_n
 from dynid.identification.selection.search import PURPOSES as PURPOSES
 from dynid.identification.selection.search import Selection as Selection
 from dynid.identification.selection.search import select as select
+from dynid.identification.selection.unseen import MotionRange as MotionRange
 from dynid.identification.shared import SharedFit as SharedFit
 from dynid.identification.shared import SharedProblem as SharedProblem
 from dynid.identification.shared import fit_shared as fit_shared

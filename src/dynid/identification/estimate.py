@@ -26,7 +26,7 @@ from dynid.core import (
     write_json,
 )
 from dynid.identification.selection.assessment import Assessment, assessment_from_json
-from dynid.identification.selection.unseen import unseen
+from dynid.identification.selection.unseen import MotionRange, unseen
 from dynid.identification.statistics import relative_std_percent
 from dynid.regressor import CHUNK, InverseDynamicModel, coupled_motors, terms_from_json
 from dynid.robot import robot_from_json, robot_to_json
@@ -34,28 +34,11 @@ from dynid.signals import ProcessingSettings, TorqueFilter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MotionRange(Value):
-    """What the identification record covered; beyond it a prediction extrapolates."""
-
-    lower: Array
-    """(n) smallest position [rad or m]."""
-    upper: Array
-    """(n) largest position [rad or m]."""
-    speed: Array
-    """(n) largest speed [rad/s or m/s]."""
-    acceleration: Array
-    """(n) largest acceleration [rad/s^2 or m/s^2]."""
-
-
-ORIGINS = ("data", "prior")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class StandardParameters(Value):
     """All standard parameters, of physically consistent bodies, each with where it comes from.
 
     Raises:
-        InputError: Shapes that disagree, or an unknown origin.
+        InputError: Shapes that disagree.
     """
 
     values: Array
@@ -73,8 +56,6 @@ class StandardParameters(Value):
         p = len(self.origins)
         freeze(self, values=(p,), std=(p,), prior_share=(p,))
         freeze(self, prior=(p,), finite=False)
-        if not set(self.origins) <= set(ORIGINS):
-            raise InputError("unknown origin", value=set(self.origins), limit=ORIGINS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -273,14 +254,8 @@ class Estimate(Value):
                 next_step="Identify one recording, or all as one: dynid identify RECORD -o E.json",
             )
         interval, width = self.assessment.interval, np.empty(q.shape)
-        known = self.motion
-        never = unseen(
-            self.model.robot,
-            dict(zip(self.names, self.values.tolist(), strict=True)),
-            known.upper - known.lower,
-            known.speed,
-            known.acceleration,
-        )
+        parameters = dict(zip(self.names, self.values.tolist(), strict=True))
+        never = unseen(self.model.robot, parameters, self.motion)
         for first in range(0, len(q), CHUNK):
             part = slice(first, first + CHUNK)
             now = None if state is None else state[:, part]

@@ -10,7 +10,7 @@ from dynid.core import Array, Indices, Provenance
 from dynid.identification import least_squares, statistics
 from dynid.identification.bayesian import BayesianRegression
 from dynid.identification.diagnostics import diagnose
-from dynid.identification.estimate import Estimate, MotionRange, StandardParameters
+from dynid.identification.estimate import Estimate, StandardParameters
 from dynid.identification.instrumental import InstrumentalVariables, OutputError
 from dynid.identification.likelihood import MaximumLikelihood
 from dynid.identification.physical import PhysicallyConsistent
@@ -25,6 +25,7 @@ from dynid.identification.problem import (
 )
 from dynid.identification.selection.assessment import LeftOutCells, assess
 from dynid.identification.selection.regions import BLOCKS, find_regions
+from dynid.identification.selection.unseen import MotionRange
 from dynid.identification.sums import PassPlan, RowSums, no_sums
 from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core import Array, Mask
+from dynid.core import Array, Mask, Value
 from dynid.identification.selection.columns import DISPLACEMENTS, LEVER
 from dynid.robot import RobotModel
 
@@ -23,13 +23,25 @@ def standing(robot: RobotModel, reach: Array) -> Mask:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MotionRange(Value):
+    """What the identification record covered; beyond it a prediction extrapolates."""
+
+    lower: Array
+    """(n) smallest position [rad or m]."""
+    upper: Array
+    """(n) largest position [rad or m]."""
+    speed: Array
+    """(n) largest speed [rad/s or m/s]."""
+    acceleration: Array
+    """(n) largest acceleration [rad/s^2 or m/s^2]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Unseen:
     """What is known of friction and motor inertia, a joint."""
 
-    speed: Array
-    """(n) largest recorded speed [rad/s or m/s]."""
-    acceleration: Array
-    """(n) largest recorded acceleration [rad/s^2 or m/s^2]."""
+    motion: MotionRange
+    """What was recorded."""
     friction: Array
     """(n) friction that a joint that stood still is expected to have; 0 for others [N.m or N]."""
     inertia: Array
@@ -49,8 +61,8 @@ class Unseen:
             friction: (n, N) friction that is predicted [N.m or N].
             sigma: (n) left-out error [N.m or N].
         """
-        faster = np.abs(dq) / np.maximum(self.speed, 1e-9)[:, None]
-        harder = np.abs(ddq) / np.maximum(self.acceleration, 1e-9)[:, None]
+        faster = np.abs(dq) / np.maximum(self.motion.speed, 1e-9)[:, None]
+        harder = np.abs(ddq) / np.maximum(self.motion.acceleration, 1e-9)[:, None]
         moved = np.hypot(
             EXPONENT * np.log(np.maximum(faster, 1.0)) * friction,
             sigma[:, None] * np.maximum(harder - 1.0, 0.0),
@@ -59,13 +71,7 @@ class Unseen:
         return np.where(self.still[:, None], stood, moved)
 
 
-def unseen(
-    robot: RobotModel,
-    parameters: dict[str, float],
-    reach: Array,
-    speed: Array,
-    acceleration: Array,
-) -> Unseen:
+def unseen(robot: RobotModel, parameters: dict[str, float], motion: MotionRange) -> Unseen:
     """What a recording could not show.
 
     A joint that stood still is expected to have friction and motor inertia as the others have
@@ -74,11 +80,9 @@ def unseen(
     Args:
         robot: The robot.
         parameters: Base parameters by name.
-        reach: (n) recorded range of motion [rad or m].
-        speed: (n) largest recorded speed [rad/s or m/s].
-        acceleration: (n) largest recorded acceleration [rad/s^2 or m/s^2].
+        motion: What was recorded.
     """
-    still, limit = standing(robot, reach), robot.limits.torque
+    still, limit = standing(robot, motion.upper - motion.lower), robot.limits.torque
     size = limit if np.isfinite(limit).all() else np.ones(len(limit))
 
     def usual(known: Array) -> Array:
@@ -91,9 +95,8 @@ def unseen(
         return np.array([parameters.get(f"{symbol}{j + 1}", 0.0) for j in range(len(size))])
 
     return Unseen(
-        speed=speed,
-        acceleration=acceleration,
-        friction=usual(of("Fc") + of("Fv") * speed),
+        motion=motion,
+        friction=usual(of("Fc") + of("Fv") * motion.speed),
         inertia=usual(of("Im")),
         still=still,
     )
