@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynid.core import Array, Mask, freeze, inverse_upper, upper_triangle
+from dynid.core import Array, Mask, inverse_upper, upper_triangle
 from dynid.identification import least_squares
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
 from dynid.identification.statistics import hac_covariance, naive_covariance
@@ -25,19 +25,12 @@ THINNEST = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InertialPrior:
-    """Ten parameters a link that belong to real bodies.
-
-    Raises:
-        InputError: Not (n, 10) finite numbers.
-    """
+    """Ten parameters a link that belong to real bodies."""
 
     parameters: Array
     """(n, 10) m, mx, my, mz, Jxx, Jyy, Jzz, Jyz, Jxz, Jxy in the parameter frames."""
     completed: tuple[str, ...] = ()
     """What was not published and how it was filled, in words."""
-
-    def __post_init__(self) -> None:
-        freeze(self, "prior", parameters=(None, 10))
 
 
 def link_ends(robot: RobotModel) -> Array:
@@ -355,7 +348,4 @@ def posterior(
     (k, r) of its precision; a weak prior on what neither of them shows, see `PRIOR_GAIN`.
     """
     prior = np.column_stack([root, root @ mean])
-    size = factors.shape[1]
-    padded = np.vstack([prior, np.zeros((size - len(prior), size))])
-    stacked = np.concatenate([factors, padded[None]])
-    return least_squares.solve(stacked, np.append(weights, 1.0), prior_gain)
+    return least_squares.solve(factors, weights, prior_gain, prior)

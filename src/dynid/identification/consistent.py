@@ -6,14 +6,7 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, JobError, Mask, require, scipy_part, upper_triangle
-from dynid.identification.bayesian import (
-    NOT_NEGATIVE,
-    InertialPrior,
-    link_ends,
-    metric_moves,
-    reach,
-    symbol_of,
-)
+from dynid.identification import bayesian
 from dynid.identification.problem import IdentificationProblem, base_mapping
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import PSEUDO_INERTIA_BASIS, frame_map, to_pseudo_inertia
@@ -64,7 +57,7 @@ class ConsistentProblem:
 
 
 def reduced_problem(
-    problem: IdentificationProblem, factors: Array, weights: Array, prior: InertialPrior
+    problem: IdentificationProblem, factors: Array, weights: Array, prior: bayesian.InertialPrior
 ) -> ConsistentProblem:
     """The reduced problem.
 
@@ -91,8 +84,8 @@ def sign_constraints(model: InverseDynamicModel) -> Array:
     place = {name: k for k, name in enumerate(names)}
     rows: list[Array] = []
     for name, k in place.items():
-        symbol = symbol_of(name)
-        if symbol in NOT_NEGATIVE:
+        symbol = bayesian.symbol_of(name)
+        if symbol in bayesian.NOT_NEGATIVE:
             rows.append(unit[k])
         base = BOUNDED_BY.get(symbol)
         if base is None:
@@ -113,8 +106,8 @@ def body_constraints(model: InverseDynamicModel) -> tuple[Array, Array]:
     of mass lies in the box of its link's joint and the next, wider by `CENTRE_MARGIN`.
     """
     robot, unit = model.robot, np.eye(len(model.columns))
-    ends = link_ends(robot)
-    margin = CENTRE_MARGIN * reach(ends)
+    ends = bayesian.link_ends(robot)
+    margin = CENTRE_MARGIN * bayesian.reach(ends)
     rows: list[Array] = []
     floors: list[float] = []
     for i, end in enumerate(ends):
@@ -220,7 +213,7 @@ def _units(problem: ConsistentProblem) -> Array:
     Friction in N.m beside inertias of a wrist would stop the solver short of its tolerance.
     """
     units, inertial = np.eye(problem.matrix.shape[1]), 10 * problem.links
-    units[:inertial, :inertial] = metric_moves(
+    units[:inertial, :inertial] = bayesian.metric_moves(
         to_pseudo_inertia(problem.prior), PSEUDO_INERTIA_BASIS
     )
     norms = np.linalg.norm(problem.matrix[:, inertial:], axis=0)

@@ -176,17 +176,20 @@ def reweighted(
     return Fit(values=values, noise=noise, weights=weights, information=information)
 
 
-def solve(factors: Array, weights: Array, prior_gain: float | None = None) -> tuple[Array, Array]:
+def solve(
+    factors: Array, weights: Array, prior_gain: float | None = None, known: Array | None = None
+) -> tuple[Array, Array]:
     """Values (r) and the triangular root (r, r) of the information of the weighted problem.
 
     From factors (n, r + 1, r + 1) of `joint_factors` and weights (n); `prior_gain` as `PRIOR_GAIN`,
-    None for plain least squares.
+    None for plain least squares; rows (k, r + 1) of what is `known` besides.
 
     Raises:
         JobError: Singular to working precision.
     """
     r = factors.shape[1] - 1
     rows = (factors * weights[:, None, None]).reshape(-1, r + 1)
+    rows = rows if known is None else np.vstack([rows, known])
     if prior_gain is not None:
         # Column k explains norm(scale_k p_k) of the norm of all torques.
         scale = np.linalg.norm(rows, axis=0)

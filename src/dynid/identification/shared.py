@@ -19,17 +19,11 @@ from dynid.core import (
     inverse_upper,
     upper_triangle,
 )
+from dynid.identification import least_squares, statistics
 from dynid.identification.bayesian import symbol_of
 from dynid.identification.estimate import Estimate
 from dynid.identification.fitting import EstimateSource, judged
-from dynid.identification.least_squares import Fit, autocorrelation, solve_rows
 from dynid.identification.problem import IdentificationProblem, triangles
-from dynid.identification.statistics import (
-    correlation_lag,
-    long_run_covariance,
-    raised,
-    scores_of,
-)
 from dynid.reduction import BaseParametrization
 
 INERTIAS = ("Im", "Imm")
@@ -166,15 +160,12 @@ def solve_shared(factors: Array, weights: Array, own: int, payload: int = 0) -> 
         wide[k, :, k * own : (k + 1) * own] = upper[:, :own]
         wide[k, :, first:] = upper[:, own:]
     known = np.eye(payload, size + 1, size - payload) / UNKNOWN
-    values, root = solve_rows(np.vstack([*wide, known]), SINGULAR)
+    values, root = least_squares.solve_rows(np.vstack([*wide, known]), SINGULAR)
     return SharedSolution(
         own=values[:first].reshape(records, own), shared=values[first:], information=root
     )
 
 
-MAX_ITERATIONS = 20
-TOLERANCE = 1e-4
-"""Stop when no noise changes by more than this share."""
 SAME_LENGTH = 0.01
 """Records of one motion differ in length by no more than this share ..."""
 SAME_PLACE = 0.02
@@ -214,14 +205,14 @@ def fit_shared(problem: SharedProblem, *, one_noise: bool = False) -> SharedFit:
     scale = np.where(scale > 0, scale, 1.0)
     noise = pooled_noise(scale, blocks) if one_noise else scale
     solution = solve_shared(factors, 1.0 / noise, own, problem.payload)
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(least_squares.MOST_WEIGHTINGS):
         update = _noise(factors, solution, blocks, scale)
         if one_noise:
             update = pooled_noise(update, blocks)
         change = np.abs(update / noise - 1).max()
         noise = update
         solution = solve_shared(factors, 1.0 / noise, own, problem.payload)
-        if change < TOLERANCE:
+        if change < least_squares.SETTLED:
             break
     inverse = inverse_upper(solution.information)
     naive = inverse @ inverse.T
@@ -236,14 +227,10 @@ def fit_shared(problem: SharedProblem, *, one_noise: bool = False) -> SharedFit:
 
 def _shares(factors: Array, weights: Array, own: int, naive: Array) -> Array:
     """See `SharedFit.shares`: by the normal equations, which are linear in the torques."""
-    records, joints = factors.shape[:2]
-    sums = np.zeros((len(naive), joints))
-    for k in range(records):
-        torque = np.einsum("jac,ja->cj", factors[k, :, :, :-1], factors[k, :, :, -1])
-        torque = torque * np.square(weights[k])
-        sums[k * own : (k + 1) * own] = torque[:own]
-        sums[records * own :] += torque[own:]
-    return naive @ sums
+    torque = np.einsum("kjac,kja->kcj", factors[..., :-1], factors[..., -1])
+    torque = torque * np.square(weights)[:, None]
+    each = torque[:, :own].reshape(-1, weights.shape[1])
+    return naive @ np.vstack([each, torque[:, own:].sum(axis=0)])
 
 
 def pooled_noise(noise: Array, blocks: Array) -> Array:
@@ -253,13 +240,10 @@ def pooled_noise(noise: Array, blocks: Array) -> Array:
 
 
 def _noise(factors: Array, solution: SharedSolution, blocks: Array, scale: Array) -> Array:
-    records, own = solution.own.shape
-    found = np.empty(scale.shape)
-    for k in range(records):
-        left: Array = factors[k] @ np.append(solution.local(k), -1.0)
-        norms = np.linalg.norm(left, axis=1)
-        used = own + len(solution.shared) * blocks[k] / blocks.sum()
-        found[k] = norms / np.sqrt(max(blocks[k] - used / scale.shape[1], 1.0))
+    values = np.array([np.append(solution.local(k), -1.0) for k in range(len(blocks))])
+    norms = np.linalg.norm(np.einsum("kjab,kb->kja", factors, values), axis=2)
+    used = solution.own.shape[1] + len(solution.shared) * blocks / blocks.sum()
+    found = norms / np.sqrt(np.maximum(blocks - used / scale.shape[1], 1.0))[:, None]
     # A joint that fits to rounding would get an infinite weight.
     return np.maximum(found, 1e-9 * np.maximum(scale, 1e-9))
 
@@ -273,7 +257,9 @@ def _covariance(
 
     def scored(k: int) -> tuple[Array, Array]:
         blocks = problem.problems[k].blocks
-        local, residual = scores_of(problem.chunks(k), blocks, solution.local(k), weights[k])
+        local, residual = statistics.scores_of(
+            problem.chunks(k), blocks, solution.local(k), weights[k]
+        )
         scores = np.zeros((len(naive), local.shape[1]))
         scores[k * own : (k + 1) * own], scores[records * own :] = local[:own], local[own:]
         return scores, residual
@@ -305,13 +291,13 @@ def shared_sandwich(
         for k in group:
             scores, residual = scored(k)
             rate = problem.problems[k].rate_hz
-            lag = max(lag, correlation_lag(residual, rate, below_white=True))
+            lag = max(lag, statistics.correlation_lag(residual, rate, below_white=True))
             summed += scores[:, :rows]
         short = 1.0 / max(1.0 - 2.0 * lag / rows, 0.5)
-        long_run += freedom(rows, len(group)) * short * long_run_covariance(summed, lag)
+        long_run += freedom(rows, len(group)) * short * statistics.long_run_covariance(summed, lag)
     payload = np.arange(len(naive) - problem.payload, len(naive))
     long_run[payload, payload] += UNKNOWN**-2
-    return raised(naive @ long_run @ naive, np.diag(naive))
+    return statistics.raised(naive @ long_run @ naive, np.diag(naive))
 
 
 def repetitions(problem: SharedProblem) -> list[list[int]]:
@@ -367,7 +353,7 @@ def shared_estimates(
         # Behind the parameters of the others, the root is that of these alone.
         others = np.setdiff1d(np.arange(len(flat)), order)
         root = upper_triangle(fit.solution.information[:, [*others, *order]])
-        plain = Fit(
+        plain = least_squares.Fit(
             values=values,
             noise=fit.noise[k],
             weights=1.0 / fit.noise[k],
@@ -381,7 +367,7 @@ def shared_estimates(
                 covariance=fit.covariance[np.ix_(order, order)],
                 naive_std=np.sqrt(np.diag(fit.naive)[order]),
                 estimator=ESTIMATOR,
-                residual_autocorrelation=autocorrelation(item.residual(values), 1),
+                residual_autocorrelation=least_squares.autocorrelation(item.residual(values), 1),
             )
         )
     return tuple(found)

@@ -290,16 +290,9 @@ def correlation_lag(
 
 def long_run_covariance(scores: Array, lag: int) -> Array:
     """(r, r) sum of autocovariances of scores (r, N) with Bartlett weights up to `lag`."""
-    samples = scores.shape[1]
-    size = 1 << (samples + lag).bit_length()
-    taps = 1.0 - np.arange(lag + 1) / (lag + 1.0)
-    kernel = np.zeros(size)
-    kernel[: lag + 1] = taps
-    kernel[size - lag :] = taps[:0:-1]
-    # The kernel is symmetric, so its spectrum is real.
-    spectrum = np.fft.rfft(kernel).real
-    smooth = np.fft.irfft(np.fft.rfft(scores, size, axis=1) * spectrum, size, axis=1)
-    result = scores @ smooth[:, :samples].T
+    taps = 1.0 - np.abs(np.arange(-lag, lag + 1)) / (lag + 1.0)
+    smooth = scipy_part("signal").oaconvolve(scores, taps[None], mode="same", axes=1)
+    result = scores @ np.asarray(smooth, dtype=np.float64).T
     return (result + result.T) / 2
 
 

@@ -157,6 +157,9 @@ class PanelRows:
         self.base, model = base, base.model
         self.layout: GramLayout = gram_layout(model, base)
         self.columns: list[Indices] = [panel.columns for panel in self.layout.panels]
+        # What brings a panel's rows (m) into the order of the base columns, the torque behind them.
+        place = [np.append(base.rank, columns) for columns in self.columns]
+        self.spread: list[Array] = [np.eye(base.rank + 1)[one] for one in place]
         friction = model.friction
         self._plain = (
             friction.load is None and not friction.ripples and not any(friction.presliding)
@@ -267,14 +270,13 @@ def sum_rows(
             together = [a + b for a, b in zip(total_products, products, strict=True)]
             cells[key] = (known + len(poses[chosen]), together)
     sums.rows = count
-    sums.cells = {
-        key: (many, _scattered(panels, products, rank)) for key, (many, products) in cells.items()
-    }
+    for key, (many, products) in cells.items():
+        pairs = zip(products, panels.spread, strict=True)
+        sums.cells[key] = many, np.array([e.T @ p @ e for p, e in pairs])
     if plan.factors:
         # In the order of the base columns a panel's factor is no triangle any more.
-        sums.factors = np.array(
-            [upper_triangle(_in_place(panels, j, f, rank)) for j, f in enumerate(factors)]
-        )
+        pairs = zip(factors, panels.spread, strict=True)
+        sums.factors = np.array([upper_triangle(f @ e) for f, e in pairs])
     sums.long_run = window_covariance(scores, plan.lag)
     pairs = residual[:, 1:] * residual[:, :-1]
     sums.moments = np.array([x.sum(axis=1) for x in (residual, np.square(residual), pairs)])
@@ -300,21 +302,6 @@ def _cells(
     found, starts = np.unique(label[order], return_index=True)
     for one, chosen in zip(found, np.split(order, starts[1:]), strict=True):
         yield (int(one) // plan.stretches, int(one) % plan.stretches), chosen
-
-
-def _scattered(panels: PanelRows, products: list[Array], rank: int) -> Array:
-    """(n, r + 1, r + 1) products of panels in the order of the base columns."""
-    out = np.zeros((len(products), rank + 1, rank + 1))
-    for j, (columns, found) in enumerate(zip(panels.columns, products, strict=True)):
-        place = np.append(rank, columns)
-        out[j, place[:, None], place] = found
-    return out
-
-
-def _in_place(panels: PanelRows, joint: int, factor: Array, rank: int) -> Array:
-    out = np.zeros((len(factor), rank + 1))
-    out[:, np.append(rank, panels.columns[joint])] = factor
-    return out
 
 
 def window_covariance(scores: Array, lag: int) -> Array:

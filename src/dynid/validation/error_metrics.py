@@ -45,15 +45,16 @@ def metrics(
 
     Joints (n) are of one kind unless `prismatic` says which of them slide.
     """
-    counted = np.ones(measured.shape, dtype=bool) if mask is None else mask.astype(bool)
-    number, joints = counted.sum(axis=0), measured.shape[1]
-    torque, error = (np.where(counted, x, 0.0) for x in (measured, measured - predicted))
-    energy, square = np.square(torque).sum(axis=0), np.square(error).sum(axis=0)
-    highest = np.max(measured, axis=0, where=counted, initial=-np.inf)
-    reach = highest - np.min(measured, axis=0, where=counted, initial=np.inf)
-    centred = np.where(counted, measured - _ratio(torque.sum(axis=0), number), 0.0)
+    # Joint by joint in memory: sums then do not depend on how the rows lie there.
+    torque, error = (np.array(x.T, order="C") for x in (measured, measured - predicted))
+    counted = np.ones(torque.shape, dtype=bool) if mask is None else mask.T.astype(bool, order="C")
+    number, joints = counted.sum(axis=1), len(torque)
+    energy, square = ((np.square(x) * counted).sum(axis=1) for x in (torque, error))
+    highest = np.max(torque, axis=1, where=counted, initial=-np.inf)
+    reach = highest - np.min(torque, axis=1, where=counted, initial=np.inf)
+    apart = torque - _ratio((torque * counted).sum(axis=1), number)[:, None]
     # Rounding of the mean would give a constant torque a spread.
-    spread = np.where(reach > 0, np.square(centred).sum(axis=0), 0.0)
+    spread = np.where(reach > 0, (np.square(apart) * counted).sum(axis=1), 0.0)
     rmse = np.sqrt(_ratio(square, number))
     kinds = joints_by_kind(prismatic or [False] * joints).values()
     overall = [_ratio(square[j].sum(), energy[j].sum()) for j in kinds]

@@ -232,7 +232,9 @@ def require_cutoff(rate_hz: float, cutoff_hz: float | None, seconds: float = mat
     Raises:
         InputError: It is too high, or too low.
     """
-    if cutoff_hz is not None and cutoff_hz * seconds < LEAST_PERIODS:
+    if cutoff_hz is None:
+        return
+    if cutoff_hz * seconds < LEAST_PERIODS:
         raise InputError(
             "the cut-off is too low for the record's duration: the filter leaves no motion",
             where="--cutoff",
@@ -240,7 +242,7 @@ def require_cutoff(rate_hz: float, cutoff_hz: float | None, seconds: float = mat
             limit=f"from {1.01 * LEAST_PERIODS / seconds:.3g} Hz",
         )
     highest = NYQUIST_SHARE * rate_hz / 2
-    if cutoff_hz is not None and cutoff_hz > highest * (1 + 1e-6):
+    if cutoff_hz > highest * (1 + 1e-6):
         raise InputError(
             "the cut-off is too high for the record's rate",
             where="--cutoff",

@@ -51,17 +51,11 @@ class DesignLimits:
 
     def __post_init__(self) -> None:
         check_word(self.preset, PRESETS, "--limits")
-        if isinstance(self.floor, str):
-            check_word(self.floor, FLOORS, "--floor")
         for name, numbers, count in (("--tool", self.tool, 3), ("--payload", self.payload, 4)):
             if numbers is not None and not (
                 len(numbers) == count and all(math.isfinite(x) for x in numbers)
             ):
                 raise InputError(f"needs {count} numbers", where=name, value=list(numbers))
-        if not 0 <= self.margin_percent < 100:
-            raise InputError(
-                "margin", where="--margin", value=self.margin_percent, limit="0 to 100 %"
-            )
 
     def equipped(self, robot: RobotModel) -> RobotModel:
         """The robot with the tool and the payload.

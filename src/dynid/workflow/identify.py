@@ -21,6 +21,7 @@ from dynid.figures import joint_unit
 from dynid.identification import Estimate, fit_estimate
 from dynid.robot import RobotLike, RobotModel, joints_by_kind, load_robot, with_carried
 from dynid.settings import IdentifySettings
+from dynid.signals import window
 from dynid.trajectory import JointMotion
 from dynid.validation import (
     ValidationResult,
@@ -29,13 +30,7 @@ from dynid.validation import (
     reproduce,
     validate,
 )
-from dynid.workflow.choosing import (
-    asked_processing,
-    made_from,
-    prepare,
-    require_cutoff,
-    require_torques,
-)
+from dynid.workflow import choosing
 from dynid.workflow.long_recordings import Looked, fit_long
 from dynid.workflow.recordings import as_mounted
 
@@ -280,21 +275,21 @@ def fit_records(
 ) -> Looked:
     """Choose, process and fit recordings that are held in memory."""
     rate = min(record.rate_hz for record in records)
-    require_cutoff(rate, settings.cutoff_hz, min(_seconds(record, settings) for record in records))
+    parts = [r.t[window(r.t, settings.start_s, settings.stop_s)] for r in records]
+    choosing.require_cutoff(rate, settings.cutoff_hz, min(float(np.ptp(part)) for part in parts))
     for record in records:
-        require_torques([record], robot)
-    processing, made = asked_processing(records, settings), made_from(records, settings)
-    estimate = fit_estimate(prepare(records, robot, settings, processing, made, progress))
-    training, window = reproduce(estimate, records[0]), estimate.settings
-    return Looked(estimate=estimate, training=training, records=tuple(records), window=window)
-
-
-def _seconds(record: recording.ExperimentRecord, settings: IdentifySettings) -> float:
-    """Length of a recording's window [s]."""
-    stop = record.duration_s if settings.stop_s is None else settings.stop_s
-    length = min(stop, record.duration_s) - (settings.start_s or 0.0)
-    # Of an empty window another check tells.
-    return length if length > 0 else math.inf
+        choosing.require_torques([record], robot)
+    processing, made = (
+        choosing.asked_processing(records, settings),
+        choosing.made_from(records, settings),
+    )
+    estimate = fit_estimate(choosing.prepare(records, robot, settings, processing, made, progress))
+    return Looked(
+        estimate=estimate,
+        training=reproduce(estimate, records[0]),
+        records=tuple(records),
+        window=estimate.settings,
+    )
 
 
 def gains_nothing(estimate: Estimate) -> Iterator[Finding]:

@@ -27,13 +27,7 @@ from dynid.robot import RobotLike, RobotModel, frame_map, from_body, load_robot,
 from dynid.settings import IdentifySettings
 from dynid.signals import ProcessingSettings, Samples, process
 from dynid.validation import record_findings
-from dynid.workflow.choosing import (
-    asked_processing,
-    choose,
-    made_from,
-    require_cutoff,
-    require_torques,
-)
+from dynid.workflow import choosing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,18 +99,18 @@ def identify_shared(
     if not several:
         raise InputError("needs at least one record")
     for record in several:
-        require_torques([record], robot)
+        choosing.require_torques([record], robot)
     if settings.estimator not in (None, "wls") or settings.weighting != "joint":
         raise InputError(
             "several records at once are fitted by weighted least squares, joint by joint",
             value=(settings.estimator, settings.weighting),
             limit="wls, joint",
         )
-    processing = asked_processing(several, settings)
+    processing = choosing.asked_processing(several, settings)
     friction, words = settings.terms or FrictionTerms(), ()
     with one_thread():
         if settings.preset == "best":
-            choice, words = choose(several, robot, settings, processing, progress)
+            choice, words = choosing.choose(several, robot, settings, processing, progress)
             # Periods are averaged record by record or not at all: here every sample counts.
             processing, friction = replace(choice.settings, period_s=None), choice.friction
         model = InverseDynamicModel(robot=robot, frames=settings.frames, friction=friction)
@@ -130,7 +124,7 @@ def identify_shared(
             settings=processing,
             preset=settings.preset,
             choices=words,
-            made=made_from(several, settings),
+            made=choosing.made_from(several, settings),
         )
         estimates = tuple(
             replace(one, warnings=(*one.warnings, *record_findings(robot, record)))
@@ -183,7 +177,7 @@ def identify_payload(
     model = load_robot(robot, collision=False)
     without, carrying = _several(model, unloaded, loaded)
     for record in (*without, *carrying):
-        require_torques([record], model)
+        choosing.require_torques([record], model)
     seen = {identity(record) for record in without}
     if any(identity(record) in seen for record in carrying):
         raise InputError(
@@ -213,7 +207,7 @@ def _problem(
     settings = ProcessingSettings(cutoff_hz=cutoff_hz, decimate=True)
     problems: list[identification.IdentificationProblem] = []
     for record in (*without, *carrying):
-        require_cutoff(record.rate_hz, cutoff_hz, record.duration_s)
+        choosing.require_cutoff(record.rate_hz, cutoff_hz, record.duration_s)
         samples = process(record, model.robot, settings)
         # One filter for all: what it takes from the motion then cancels too.
         settings = replace(settings, cutoff_hz=samples.cutoff_hz)

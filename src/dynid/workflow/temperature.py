@@ -89,14 +89,9 @@ def identify_temperature(
     if len(several) < 2:
         raise InputError("a temperature law needs two records or more", value=len(several))
     settings = settings or IdentifySettings()
-    mean = np.array(
-        [
-            record.signals["temperature"][window(record.t, settings.start_s, settings.stop_s)].mean(
-                0
-            )
-            for record in several
-        ]
-    )
+    parts = [window(record.t, settings.start_s, settings.stop_s) for record in several]
+    warm = [record.signals["temperature"] for record in several]
+    mean = np.array([one[part].mean(axis=0) for one, part in zip(warm, parts, strict=True)])
     shared = identify_shared(several, robot, settings, progress=progress)
     problem, solved = shared.problem, shared.fit
     names, own = shared.own, solved.solution.own

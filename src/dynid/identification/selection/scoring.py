@@ -8,7 +8,7 @@ import numpy as np
 from dynid.core import Array, Indices, InputError, scipy_part
 from dynid.identification.bayesian import not_negative, published_prior
 from dynid.identification.problem import IdentificationProblem, block_mean
-from dynid.identification.selection import gram
+from dynid.identification.selection import gram, regions
 from dynid.identification.selection.columns import (
     DISPLACEMENTS,
     EXTRA_TERMS,
@@ -21,13 +21,6 @@ from dynid.identification.selection.columns import (
     chosen_friction,
     load_inertias,
     load_size,
-)
-from dynid.identification.selection.regions import (
-    BLOCKS,
-    Regions,
-    find_regions,
-    moving_rows,
-    stretches,
 )
 from dynid.identification.selection.unseen import standing
 from dynid.reduction import reduce_model
@@ -168,7 +161,7 @@ class ScoreSearch:
         known = published_prior(self.base)
         self.prior = gram.Shrinkage(mean=known.mean, precision=known.precision)
         self.plain_prior = PRIOR_OF_PLAIN if robot.published.all() else PRIOR_OF_GUESS
-        self.regions: Regions = find_regions([r.q for r in recordings], robot.prismatic)
+        self.regions = regions.find_regions([r.q for r in recordings], robot.prismatic)
         self._cache: tuple[ProcessingSettings, CandidateBlocks] | None = None
         self._load: tuple[ProcessingSettings, Array] | None = None
 
@@ -247,19 +240,19 @@ class ScoreSearch:
         """(K, n N) groups of each row in each partition, and whether its joint moves."""
         used, n = samples.rows, samples.joints
         count = (used.stop - used.start) // samples.block
-        if count < 4 * BLOCKS:
+        if count < 4 * regions.BLOCKS:
             raise InputError(
                 "the record is too short to choose settings from",
                 value=samples.count,
-                limit=f"at least {4 * BLOCKS * samples.block} samples",
+                limit=f"at least {4 * regions.BLOCKS * samples.block} samples",
                 next_step="Use --preset paper, or a longer record.",
             )
         q = samples.q[used][:: samples.block][:count]
-        moves = moving_rows(samples.dq[used], samples.rate_hz)[:: samples.block][:count]
+        moves = regions.moving_rows(samples.dq[used], samples.rate_hz)[:: samples.block][:count]
         moving = moves.T.astype(np.intp).ravel()
         which = np.full(n * count, recording)
         if not self.anywhere:
-            return np.stack([np.tile(stretches(count), n), which, moving])
+            return np.stack([np.tile(regions.stretches(count), n), which, moving])
         fine, coarse = (np.tile(self.regions.labels(q, k), n) for k in (0, 1))
         return np.stack([fine, coarse, which, moving])
 
@@ -369,13 +362,15 @@ class ScoreSearch:
         return Scores(errors=tuple(errors), rows=tuple(rows))
 
     def prior_weights(
-        self, blocks: CandidateBlocks, choices: tuple[JointChoice, ...], weights: Array
+        self, settings: ProcessingSettings, choices: tuple[JointChoice, ...], prior: float
     ) -> tuple[tuple[float, ...], Scores]:
         """Weights of the prior that score as well as the best to a standard error, and the last.
 
         Of all that are near, the strongest is taken (Breiman, Friedman, Olshen and Stone 1984):
-        what the recordings cannot tell, the prior says.
+        what the recordings cannot tell, the prior says. The joints are weighted with one before.
         """
+        blocks = self.blocks(settings)
+        weights = self.weights(blocks, choices, prior)
         scored = [self.scores(blocks, choices, weights, w) for w in PRIOR_WEIGHTS]
         best = int(np.argmin([s.value for s in scored]))
         near = [

@@ -111,11 +111,7 @@ def select(
         late = measured_delays(search, trials[best])
         trials = tuple(replace(trial, delays_s=late.taken_s) for trial in trials)
     tell("friction", 0.4)
-    blocks = search.blocks(trials[best])
-    near, _ = search.prior_weights(
-        blocks, choices, search.weights(blocks, choices, search.plain_prior)
-    )
-    prior = near[0]
+    prior = search.prior_weights(trials[best], choices, search.plain_prior)[0][0]
     choices, now = search.descend(trials[best], choices, prior)
     # Steps that are sharper than friction is ask for a low cut-off: chosen, it may move far.
     tell("cut-off", 0.75)
@@ -134,9 +130,7 @@ def select(
     settings = trials[best]
     if delays_are_free:
         settings = replace(settings, delays_s=refined_delays(search, settings, choices))
-    blocks = search.blocks(settings)
-    weights = search.weights(blocks, choices, prior)
-    near_weights, now = search.prior_weights(blocks, choices, weights)
+    near_weights, now = search.prior_weights(settings, choices, prior)
     tell("done", 1.0)
     return Selection(
         settings=settings,
