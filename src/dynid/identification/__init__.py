@@ -10,7 +10,6 @@ from dynid.identification.bayesian import inertial_prior as inertial_prior
 from dynid.identification.bayesian import not_negative as not_negative
 from dynid.identification.bayesian import posterior as posterior
 from dynid.identification.bayesian import published_prior as published_prior
-from dynid.identification.drive_gains import WIDTH as WIDTH
 from dynid.identification.drive_gains import DriveGains as DriveGains
 from dynid.identification.drive_gains import GainsFromPayload as GainsFromPayload
 from dynid.identification.drive_gains import drive_gains as drive_gains

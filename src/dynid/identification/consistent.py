@@ -241,10 +241,5 @@ def _link_rows(here: int, first: int, columns: int) -> list[Array]:
 
 def _upper_triangles(matrices: Array) -> Array:
     """(..., k (k + 1) / 2) upper triangles by columns, off-diagonal entries times sqrt(2)."""
-    size = matrices.shape[-1]
-    entries = [
-        matrices[..., a, b] * (1.0 if a == b else np.sqrt(2.0))
-        for b in range(size)
-        for a in range(b + 1)
-    ]
-    return np.stack(entries, axis=-1)
+    columns, rows = np.tril_indices(matrices.shape[-1])
+    return matrices[..., rows, columns] * np.where(rows == columns, 1.0, np.sqrt(2.0))

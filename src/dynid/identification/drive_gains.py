@@ -76,7 +76,6 @@ def drive_gains(
     *,
     rate_hz: float,
     names: tuple[str, ...],
-    width: float = WIDTH,
 ) -> DriveGains:
     """Gains from the controller's targets.
 
@@ -86,19 +85,16 @@ def drive_gains(
         velocity: (N, n) target velocities, or measured ones [rad/s].
         rate_hz: Samples a second.
         names: (n) joint names, for messages.
-        width: Speed over which the compensated dry friction changes sign [rad/s].
 
     Raises:
-        InputError: A width that is not positive, or too few samples.
+        InputError: Too few samples.
         JobError: No joint's gain can be told.
     """
-    if not width > 0:
-        raise InputError("the width must be positive", value=width)
     if len(current) < 16:
         raise InputError("too few samples for drive gains", value=len(current), limit="at least 16")
     rows, lost = np.empty((len(names), 5)), dict[str, str]()
     for j, name in enumerate(names):
-        columns = np.stack([moment[:, j], np.tanh(velocity[:, j] / width), velocity[:, j]])
+        columns = np.stack([moment[:, j], np.tanh(velocity[:, j] / WIDTH), velocity[:, j]])
         rows[j], reason = _joint(columns, current[:, j], rate_hz)
         if reason:
             lost[name] = reason

@@ -231,9 +231,7 @@ TARGETS = ("target_current", "target_moment")
 """Signals that drive gains are found in."""
 
 
-def identify_gains(
-    record: RecordLike, robot: RobotLike, *, width: float = identification.WIDTH
-) -> identification.DriveGains:
+def identify_gains(record: RecordLike, robot: RobotLike) -> identification.DriveGains:
     """Drive gains from a recording of target currents and target moments.
 
     Target velocities are used where they were recorded: the controller's friction follows them,
@@ -242,7 +240,6 @@ def identify_gains(
     Args:
         record: The recording or its file.
         robot: The robot, or its name or file.
-        width: Speed over which the controller's dry friction changes sign [rad/s].
 
     Raises:
         InputError: A recording without targets or velocities, or of another number of joints.
@@ -266,7 +263,6 @@ def identify_gains(
         velocity,
         rate_hz=record.rate_hz,
         names=model.joint_names,
-        width=width,
     )
     return replace(found, warnings=(*found.warnings, *record_findings(model, record)))
 
