@@ -11,14 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynid.core import (
-    Array,
-    Indices,
-    InputError,
-    Value,
-    inverse_upper,
-    upper_triangle,
-)
+from dynid.core import Array, Indices, InputError, Value, inverse_upper, upper_triangle
 from dynid.identification import least_squares, statistics
 from dynid.identification.bayesian import symbol_of
 from dynid.identification.estimate import Estimate

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from numbers import Real
 
 import numpy as np
@@ -206,14 +207,11 @@ def contact_thresholds(
         raise InputError("samples of free motion", value=len(size), limit=_LEAST_SAMPLES)
     limits = np.empty((len(SPEEDS), size.shape[1]))
     for joint in range(size.shape[1]):
-        for row, slowest in enumerate(SPEEDS):
-            fastest = SPEEDS[row + 1] if row + 1 < len(SPEEDS) else np.inf
-            chosen = (speed[:, joint] >= slowest) & (speed[:, joint] < fastest)
-            if np.count_nonzero(chosen) < _LEAST_SAMPLES:
-                # A speed that hardly came up is judged by all that is not faster, or by all.
-                chosen = speed[:, joint] < fastest
-            if np.count_nonzero(chosen) < _LEAST_SAMPLES:
-                chosen = np.ones(len(size), dtype=np.bool_)
+        for row, (slowest, fastest) in enumerate(pairwise((*SPEEDS, np.inf))):
+            slower = speed[:, joint] < fastest
+            # A speed that hardly came up is judged by all that is not faster, or by all.
+            tried = slower & (speed[:, joint] >= slowest), slower, np.ones_like(slower)
+            chosen = next(some for some in tried if np.count_nonzero(some) >= _LEAST_SAMPLES)
             limits[row, joint] = margin * np.quantile(size[chosen, joint], quantile)
     limits = np.maximum(limits, _LEAST_NOISE * least)
     falling = np.maximum.accumulate(limits[::-1])[::-1]

@@ -23,13 +23,7 @@ from dynid.robot import RobotLike, RobotModel, joints_by_kind, load_robot, with_
 from dynid.settings import IdentifySettings
 from dynid.signals import window
 from dynid.trajectory import JointMotion
-from dynid.validation import (
-    ValidationResult,
-    deciding_errors,
-    record_findings,
-    reproduce,
-    validate,
-)
+from dynid.validation import ValidationResult, deciding_errors, record_findings, reproduce, validate
 from dynid.workflow import choosing
 from dynid.workflow.long_recordings import Looked, fit_long
 from dynid.workflow.recordings import as_mounted
@@ -225,18 +219,17 @@ def identify(
     robot = with_carried(load_robot(robot, mount=settings.mount, collision=False))
     several = recording.open_any(recording.as_list(records), robot)
     robot = robot if settings.mount else as_mounted(robot, several)
-    held = [record for record in several if isinstance(record, recording.ExperimentRecord)]
     # Of those that stay in their files, a part is checked when it is looked at.
-    stored = [record for record in several if isinstance(record, recording.StoredRecording)]
-    held = recording.checked_records(held)
+    stored = [one for one in several if isinstance(one, recording.StoredRecording)]
+    held = [one for one in several if isinstance(one, recording.ExperimentRecord)]
     # The same result whatever the order of the files.
+    held = sorted(recording.checked_records(held), key=recording.fingerprint)
     several = sorted([*held, *stored], key=recording.fingerprint)
     other = None if validation is None else recording.open_record(validation, robot)
     if not several:
         raise InputError("needs at least one record")
-    held = [record for record in several if isinstance(record, recording.ExperimentRecord)]
     with one_thread():
-        if len(held) < len(several) or sum(record.samples for record in held) > recording.LONG:
+        if stored or sum(record.samples for record in held) > recording.LONG:
             keep = None if partial is None else Path(partial)
             fitted = fit_long(
                 several, robot, settings, partial=keep, beside=beside, progress=progress

@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -89,9 +90,8 @@ def fit_long(
     grids = [survey(recording, window) for recording in recordings]
     require_cutoff(min(grid.rate_hz for grid in grids), settings.cutoff_hz)
     pieces, origins, stretch = _subset(recordings, grids)
-    for source in dict.fromkeys(origins):
-        own = (piece for piece, k in zip(pieces, origins, strict=True) if k == source)
-        require_torques(list(own), robot)
+    for _, own in groupby(zip(origins, pieces, strict=True), key=lambda pair: pair[0]):
+        require_torques([piece for _, piece in own], robot)
     looked_at = checked_records([stretch])[0]
     processing = ProcessingSettings(cutoff_hz=settings.cutoff_hz, decimate=True)
     if settings.preset != "best" and settings.cutoff_hz is None:

@@ -191,8 +191,7 @@ class _LeftOut:
         self.blocks = blocks
         self.system = gram.NormalEquations(blocks, gram.shared_picks(rank, joints), weights)
         self.rows = np.maximum(blocks.rows.sum(axis=1), 1.0)
-        several = blocks.rows.shape[1] > 1
-        self.values = (self.system.left_out if several else self.system.whole)(shrinkage)
+        self.values = self.system.left_out(shrinkage)
         self.errors = self.system.square_errors(self.values)
         self.torque = np.sqrt(blocks.products[:, :, rank, rank].sum(axis=1) / self.rows)
 
@@ -231,13 +230,8 @@ def _rivals(
     system, free = fitted.system, known.free
     given = system.square_errors(known.mean[None])
     # Friction and motor inertia alone: what the published inertias leave over.
-    matrix = free.T @ system.matrix @ free
-    vector = (system.vector - system.matrix @ known.mean) @ free
-    total, target = matrix.sum(axis=0), vector.sum(axis=0)
-    several = len(matrix) > 1
-    own = gram.solutions(
-        total - matrix if several else matrix, target - vector if several else vector, None
-    )
+    matrix, vector = system.others
+    own = gram.solutions(free.T @ matrix @ free, (vector - matrix @ known.mean) @ free, None)
     friction = system.square_errors(known.mean + own @ free.T)
     gain, error = gain_of(friction, fitted.errors)
     rows = fitted.rows
@@ -283,38 +277,29 @@ def _rows(
 
     And the noise (n) that no motion explains [N.m or N]; None where rows were skipped.
     """
-    step = -(-problem.blocks // MOST_ROWS)
-    matrix = fitted.system.matrix
-    total, several = matrix.sum(axis=0), len(matrix) > 1
-    extra = root[:, len(root) :]
+    step, extra = -(-problem.blocks // MOST_ROWS), root[:, len(root) :]
     roots: list[Array] = [
-        np.concatenate([_inverse_root(total - (m if several else 0.0) + precision), extra], axis=1)
-        for m in matrix
+        np.concatenate([_inverse_root(matrix + precision), extra], axis=1)
+        for matrix in fitted.system.others[0]
     ]
-    errors: list[Array] = []
-    levers: list[Array] = []
-    indices: list[Indices] = []
+    index: Indices = np.arange(0, problem.blocks, step, dtype=np.intp)
+    error, lever = np.empty((2, problem.samples.joints, len(index)))
     bends = np.zeros(problem.samples.joints)
     for rows, columns, torque in problem.chunks():
-        index: Indices = np.arange(int(rows.start), int(rows.stop), dtype=np.intp)
-        some: Mask = index % step == 0
-        index, columns, torque = index[some], columns[:, :, some], torque[:, some]
-        error, lever = np.empty(torque.shape), np.empty(torque.shape)
-        for k in np.unique(regions[index]):
-            here = regions[index] == k
+        part = slice(*np.searchsorted(index, (rows.start, rows.stop)))
+        where = regions[index[part]]
+        for k in np.unique(where):
+            here = part.start + np.flatnonzero(where == k)
+            x, tau = (values[..., index[here] - rows.start] for values in (columns, torque))
             values = fitted.values[min(k, len(fitted.values) - 1)]
-            error[:, here] = torque[:, here] - np.tensordot(values, columns[:, :, here], axes=1)
-            lever[:, here] = leverage(roots[int(k)], columns[:, :, here])
-        errors.append(error)
-        levers.append(lever)
-        indices.append(index)
+            error[:, here] = tau - np.tensordot(values, x, axes=1)
+            lever[:, here] = leverage(roots[int(k)], x)
         # Second differences: the torque of a motion hardly bends from row to row.
-        bends += np.square(np.diff(error, n=2, axis=1)).sum(axis=1) / 6.0
+        bends += np.square(np.diff(error[:, part], n=2, axis=1)).sum(axis=1) / 6.0
     floor = problem.samples.noise
     if floor is None and step == 1:
         floor = np.sqrt(bends / max(problem.blocks, 1))
-    left_out = np.concatenate(errors, axis=1), np.concatenate(levers, axis=1)
-    return np.concatenate(indices), *left_out, floor
+    return index, error, lever, floor
 
 
 def _averaged(samples: Samples, floor: Array) -> Array:

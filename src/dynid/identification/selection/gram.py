@@ -145,11 +145,16 @@ class NormalEquations:
         matrix, vector = self.matrix.sum(axis=0)[None], self.vector.sum(axis=0)[None]
         return solutions(matrix, vector, shrinkage, self._positive)
 
+    @property
+    def others(self) -> tuple[Array, Array]:
+        """(C, s, s) and (C, s): for each cell the sums of all others, for a lone one its own."""
+        if len(self.matrix) == 1:
+            return self.matrix, self.vector
+        return self.matrix.sum(axis=0) - self.matrix, self.vector.sum(axis=0) - self.vector
+
     def left_out(self, shrinkage: Shrinkage | None) -> Array:
-        """(C, s) for each cell the solution of all other cells."""
-        matrix = self.matrix.sum(axis=0) - self.matrix
-        vector = self.vector.sum(axis=0) - self.vector
-        return solutions(matrix, vector, shrinkage, self._positive)
+        """(C, s) for each cell the solution of `others`."""
+        return solutions(*self.others, shrinkage, self._positive)
 
     def square_errors(self, values: Array) -> Array:
         """(n, C) sums of squared errors of values (C, s), or (1, s) for all cells alike."""
