@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import scipy.integrate
 from hypothesis import given
 from hypothesis import strategies as st
 from robots_for_simulation import constant_temperature
@@ -53,7 +54,7 @@ def test_a_run_warms_up_by_its_losses(arm: SimulatedArm, motion: FourierSeries) 
     run = simulate(arm, motion, periods=1)
     rise = run.truth.temperature[-1] - run.truth.temperature[0]
     assert ((rise > 0.02) & (rise < 0.5)).all()
-    losses = np.trapezoid(run.truth.friction * run.truth.dq, dx=0.008, axis=0)
+    losses = scipy.integrate.trapezoid(run.truth.friction * run.truth.dq, dx=0.008, axis=0)
     expected = losses / arm.truth.thermal.capacity
     assert ((rise > 0.95 * expected) & (rise < 1.3 * expected)).all()
 
