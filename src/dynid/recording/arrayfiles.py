@@ -9,7 +9,6 @@ import importlib
 import json
 import struct
 import warnings
-import zipfile
 import zlib
 from dataclasses import dataclass, field, replace
 from io import BytesIO
@@ -22,7 +21,7 @@ from numpy.typing import NDArray
 
 from dynid.core import Array, MissingExtraError, RecordError, parse_json, printable, require
 from dynid.recording.columns import assign
-from dynid.recording.content import Budget, all_bytes, first_bytes, refused
+from dynid.recording.content import Budget, first_bytes, refused
 from dynid.recording.names import holds_names, one_order
 from dynid.recording.table import RawTable, ReadOptions
 from dynid.recording.variables import moments_of, numbers_of, table_of
@@ -304,26 +303,21 @@ def _collect_block(item: Any, name: str, path: str, into: _Contents, budget: Bud
     return True
 
 
-_MAX_NPZ_BYTES, _MAX_JSON_BYTES, _MAX_MAT_BYTES = 2 << 30, 1 << 30, 4 << 30
-
-
 def read_npz(files: list[Path], options: ReadOptions, budget: Budget) -> RawTable:
     """Read a `.npz` or `.npy` file; nothing pickled is ever loaded; see `Reader`."""
-    path, contents = files[0], _Contents()
-    with refused(
-        "the NumPy file is damaged, or holds pickled Python objects, which are never loaded",
-        "Save each array under its name: numpy.savez(file, t=t, q=q, tau=tau).",
+    contents = _Contents()
+    with (
+        refused(
+            "the NumPy file is damaged, or holds pickled Python objects, which are never loaded",
+            "Save each array under its name: numpy.savez(file, t=t, q=q, tau=tau).",
+        ),
+        np.errstate(all="ignore"),
+        warnings.catch_warnings(),
     ):
-        if zipfile.is_zipfile(path):
-            with zipfile.ZipFile(path) as archive:
-                size = sum(item.file_size for item in archive.infolist())
-            if size > _MAX_NPZ_BYTES:
-                raise RecordError("the arrays are too large", value=size, limit=_MAX_NPZ_BYTES)
-        with path.open("rb") as stream, np.errstate(all="ignore"), warnings.catch_warnings():
-            # Files of Python 2 only load more slowly.
-            warnings.simplefilter("ignore", UserWarning)
-            content = np.load(stream, allow_pickle=False)
-            contents.collect(content if isinstance(content, np.ndarray) else dict(content), "")
+        # Files of Python 2 only load more slowly.
+        warnings.simplefilter("ignore", UserWarning)
+        content = np.load(files[0], allow_pickle=False)
+        contents.collect(content if isinstance(content, np.ndarray) else dict(content), "")
     return table_of(contents.arrays, options, contents.names)
 
 
@@ -347,7 +341,7 @@ def _json_lines(text: str) -> list[object]:
 def read_json(files: list[Path], options: ReadOptions, budget: Budget) -> RawTable:
     """Read arrays of numbers from a JSON file; see `Reader`."""
     path, contents, cut = files[0], _Contents(), False
-    data = all_bytes(path, _MAX_JSON_BYTES)
+    data = path.read_bytes()
     with refused("the JSON file is damaged"):
         text = data.decode("utf-8-sig")
         try:
@@ -370,7 +364,6 @@ def read_json(files: list[Path], options: ReadOptions, budget: Budget) -> RawTab
 _HEADER = 128
 """Bytes before the first variable of a MATLAB file; the last two tell the byte order."""
 _MATRIX, _COMPRESSED = 14, 15
-_MAX_INFLATED = 1 << 30
 _PLAIN = "Save plain arrays in MATLAB: t = ts.Time; q = ts.Data; save(file, 't', 'q', '-v7')."
 _SAVE = "Save it again in MATLAB with: save(file, '-v7')."
 
@@ -378,7 +371,7 @@ _SAVE = "Save it again in MATLAB with: save(file, '-v7')."
 def read_mat(files: list[Path], options: ReadOptions, budget: Budget) -> RawTable:
     """Read a MATLAB file of version 5 to 7; see `Reader`."""
     path = files[0]
-    data = all_bytes(path, _MAX_MAT_BYTES)
+    data = path.read_bytes()
     order = {b"IM": "<", b"MI": ">"}.get(data[126:128])
     if order is None:
         raise RecordError("this is no MATLAB file of version 5 to 7", next_step=_SAVE)
@@ -425,7 +418,7 @@ def _variables(data: bytes, order: str, contents: _Contents) -> tuple[list[str],
             with refused(f"the variable at byte {start} is damaged"):
                 element = data[start:offset]
                 if kind == _COMPRESSED:
-                    element = _inflated(element[8:])
+                    element = zlib.decompress(element[8:])
                     kind, size = struct.unpack_from(order + "II", element)
                     element = element[: 8 + size]
                 if kind != _MATRIX or size > len(element) - 8:
@@ -435,15 +428,6 @@ def _variables(data: bytes, order: str, contents: _Contents) -> tuple[list[str],
         except RecordError as error:
             damaged.append(f"{error.what} ({error.value})")
     return damaged, False
-
-
-def _inflated(packed: bytes) -> bytes:
-    decompressor = zlib.decompressobj()
-    data = decompressor.decompress(packed, _MAX_INFLATED)
-    # Only at its end is the checksum of the stream compared.
-    if not decompressor.eof:
-        raise ValueError("compressed data are cut off")
-    return data
 
 
 def _read(file: bytes) -> dict[str, Any]:

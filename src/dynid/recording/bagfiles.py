@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from dynid.core import Finding, RecordError, require
-from dynid.recording.content import MAX_BYTES, InflateError, inflate, refused, unreadable
+from dynid.recording.content import MAX_BYTES, InflateError, inflate, refused
 
 DEFINITION_LANGUAGES = ("ros1msg", "ros2msg", "ros2idl")
 JOINT_STATE_TYPES = frozenset({"sensor_msgs/msg/JointState", "sensor_msgs/JointState"})
@@ -250,42 +250,38 @@ def mcap_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
     """The wanted messages of an MCAP file, in the order in which they were written.
 
     Raises:
-        RecordError: The file cannot be read.
         MissingExtraError: Without the `ros` extra.
     """
     library = require("mcap.stream_reader", "ros")
     failures = (require("mcap.exceptions", "ros").McapError, ValueError, struct.error)
     state = _Reading(catalog, cut=True)
-    try:
-        with path.open("rb") as stream:
-            reader = library.StreamReader(stream, emit_chunks=True, record_size_limit=MAX_BYTES)
-            place = len(MCAP_MAGIC)
-            with suppress(*failures):
-                for record in reader.records:
-                    place = stream.tell()
-                    kind = type(record).__name__
-                    if kind in ("DataEnd", "Footer"):
-                        state.cut = False
-                        break
-                    if kind != "Chunk":
-                        yield from _mcap_records([record], state)
-                        continue
-                    try:
-                        # Inflated here, where what comes out is bounded.
-                        data = inflate(record.data, record.compression, record.uncompressed_size)
-                        plain = replace(record, data=data, compression="")
-                        inner = library.breakup_chunk(plain, validate_crc=True)
-                    except (*failures, InflateError):
-                        state.damaged += 1
-                        continue
-                    yield from _mcap_records(inner, state)
-            if state.cut:
-                stream.seek(place)
-                with suppress(*failures, InflateError):
-                    inner = _cut_chunk(stream.read(MAX_BYTES), library)
-                    yield from _mcap_records(inner, state)
-    except OSError as error:
-        raise unreadable(path, error) from error
+    with path.open("rb") as stream:
+        reader = library.StreamReader(stream, emit_chunks=True, record_size_limit=MAX_BYTES)
+        place = len(MCAP_MAGIC)
+        with suppress(*failures):
+            for record in reader.records:
+                place = stream.tell()
+                kind = type(record).__name__
+                if kind in ("DataEnd", "Footer"):
+                    state.cut = False
+                    break
+                if kind != "Chunk":
+                    yield from _mcap_records([record], state)
+                    continue
+                try:
+                    # Inflated here, where what comes out is bounded.
+                    data = inflate(record.data, record.compression, record.uncompressed_size)
+                    plain = replace(record, data=data, compression="")
+                    inner = library.breakup_chunk(plain, validate_crc=True)
+                except (*failures, InflateError):
+                    state.damaged += 1
+                    continue
+                yield from _mcap_records(inner, state)
+        if state.cut:
+            stream.seek(place)
+            with suppress(*failures, InflateError):
+                inner = _cut_chunk(stream.read(MAX_BYTES), library)
+                yield from _mcap_records(inner, state)
     state.report(path)
 
 
@@ -317,17 +313,12 @@ def ros1_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
         Topic, receive time [ns] and bytes.
 
     Raises:
-        RecordError: The file cannot be read.
         MissingExtraError: A bag compressed by lz4 without the decompressor.
     """
     state = _Reading(catalog)
-    try:
-        with path.open("rb") as stream:
-            size = path.stat().st_size
-            stream.seek(len(ROS1_MAGIC))
-            yield from _records(stream, size, state)
-    except OSError as error:
-        raise unreadable(path, error) from error
+    with path.open("rb") as stream:
+        stream.seek(len(ROS1_MAGIC))
+        yield from _records(stream, path.stat().st_size, state)
     state.cut |= state.chunks < state.expected
     state.report(path)
 

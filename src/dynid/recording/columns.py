@@ -124,7 +124,7 @@ def assign(
     if columns is None:
         match = match_headers(names or (), joints)
         signals = {name: cols for name, cols in match.columns.items() if name != "t"}
-        notes = (*match.notes, *_conversions(match.factors))
+        notes = (*match.notes, *conversions(match.factors))
         return replace(match, columns=signals, notes=notes)
     mapping = {name: select(name, value, width, names) for name, value in columns.items()}
     clocks: tuple[Clock, ...] = ()
@@ -162,7 +162,7 @@ def assign(
         factors=factors,
         said=frozenset(said),
         joint_names=own,
-        notes=_conversions(factors),
+        notes=conversions(factors),
         notices=tuple(notices),
     )
 
@@ -174,7 +174,7 @@ def _joints_of(names: Sequence[str], joints: Sequence[str]) -> tuple[str, ...]:
     return found if len(set(found)) == len(found) and set(found) <= known and found else ()
 
 
-def _conversions(factors: Mapping[str, tuple[float, ...]]) -> tuple[str, ...]:
+def conversions(factors: Mapping[str, tuple[float, ...]]) -> tuple[str, ...]:
     """Units that were converted, in words."""
     changed = [
         f"{quantity} (times {', '.join(f'{x:.6g}' for x in (values if several else values[:1]))})"

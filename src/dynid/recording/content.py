@@ -176,34 +176,22 @@ def refused(
 
 @contextmanager
 def located(where: str) -> Generator[None]:
-    """The place of those errors raised inside that name none: the file that is read."""
+    """The place of those errors raised inside that name none: the file that is read.
+
+    Raises:
+        RecordError: In place of an OSError: the system does not let us read.
+    """
     try:
         yield
     except DynidError as error:
         if error.where is None:
             raise error.changed(where=where) from error
         raise
-
-
-def unreadable(path: Path, error: OSError) -> RecordError:
-    """The error for a file that the system does not let us read."""
-    return RecordError("the file cannot be read", where=path.name, value=error.strerror)
+    except OSError as error:
+        raise RecordError("the file cannot be read", where=where, value=error.strerror) from error
 
 
 def first_bytes(path: Path, count: int) -> bytes:
     """At most `count` bytes from the start of a file; RecordError where it cannot be read."""
-    try:
-        with path.open("rb") as stream:
-            return stream.read(count)
-    except OSError as error:
-        raise unreadable(path, error) from error
-
-
-def all_bytes(path: Path, most: int) -> bytes:
-    """All bytes of a file, at most `most`; RecordError where it cannot be read or is larger."""
-    try:
-        if path.stat().st_size > most:
-            raise RecordError("the file is too large", where=path.name, limit=f"{most} bytes")
-        return path.read_bytes()
-    except OSError as error:
-        raise unreadable(path, error) from error
+    with located(path.name), path.open("rb") as stream:
+        return stream.read(count)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dynid.core import RecordError, UnclearRecordError
 from dynid.recording.cells import count, is_missing, is_name, is_number, is_stamp, is_unit, split
-from dynid.recording.content import first_bytes, unreadable
+from dynid.recording.content import first_bytes
 from dynid.recording.names import NAMES_OF_JOINTS, parse_name
 
 MAX_LINE = 1 << 20
@@ -72,7 +72,7 @@ def line_blocks(path: Path, encoding: str) -> Iterator[tuple[list[str], bool]]:
         (false for the last line of a file that stops in mid-line only).
 
     Raises:
-        RecordError: The file cannot be read.
+        RecordError: The encoding is damaged.
     """
     try:
         with path.open(encoding=encoding, errors="replace") as stream:
@@ -83,8 +83,6 @@ def line_blocks(path: Path, encoding: str) -> Iterator[tuple[list[str], bool]]:
         raise RecordError(
             "the text encoding is damaged", where=path.name, next_step="Save the file as UTF-8."
         ) from error
-    except OSError as error:
-        raise unreadable(path, error) from error
 
 
 def _first_lines(path: Path, encoding: str, count: int) -> list[str]:

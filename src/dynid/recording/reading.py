@@ -23,7 +23,7 @@ from dynid.core import (
 )
 from dynid.recording.arrayfiles import read_frame, read_hdf5, read_json, read_mat, read_npz
 from dynid.recording.columns import parse_columns
-from dynid.recording.content import Budget, first_bytes, located, unreadable
+from dynid.recording.content import Budget, first_bytes, located
 from dynid.recording.csv import are_one_run, read_csv
 from dynid.recording.formats import FORMATS, content_kind, unpacked
 from dynid.recording.isolation import read_isolated, serve
@@ -58,14 +58,16 @@ def _given_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
     files = [Path(paths)] if isinstance(paths, (str, Path)) else [Path(path) for path in paths]
     if not files:
         raise RecordError("no recording was given")
-    if len(files) == 1 and not files[0].exists() and partial_path(files[0]).is_file():
+    # os.path says False where Path raises, as for names that no file can have.
+    if len(files) == 1 and not os.path.exists(files[0]) and os.path.isfile(f"{files[0]}.partial"):
         # A recording that was interrupted: what there is of it.
         return [partial_path(files[0])]
     for file in files:
         try:
             size = file.stat().st_size
         except (OSError, ValueError) as error:
-            raise _missing(file) from error
+            step = like_named(file)
+            raise RecordError("there is no such file", where=str(file), next_step=step) from error
         if file.is_dir():
             if len(files) > 1:
                 raise RecordError("a folder cannot stand beside other files", where=str(file))
@@ -75,11 +77,6 @@ def _given_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
         if size == 0:
             raise RecordError("the file is empty", where=str(file))
     return files
-
-
-def _missing(path: str | Path) -> RecordError:
-    step = like_named(Path(path))
-    return RecordError("there is no such file", where=str(path), next_step=step)
 
 
 def _in_folder(folder: Path) -> list[Path]:
@@ -228,16 +225,10 @@ def read_record(path: str | Path) -> ExperimentRecord:
     Raises:
         RecordError: Missing, foreign, or damaged.
     """
-    file = Path(path)
-    # os.path says False where Path raises, as for names that no file can have.
-    if not os.path.exists(file):
-        file = partial_path(file)
-    if os.path.isdir(file):
+    if os.path.isdir(path):
         said = "this is a folder, not a dynid recording"
         raise RecordError(said, where=str(path), next_step="Read it with dynid.read_recording.")
-    if not os.path.isfile(file):
-        raise _missing(path)
-    found = read_isolated([file], ReadOptions(format=OWN))
+    found = read_isolated(_given_files(path), ReadOptions(format=OWN))
     if not isinstance(found, ExperimentRecord):
         raise RecordError("this is no dynid recording", where=str(path))
     return found
@@ -298,10 +289,8 @@ def _format(files: list[Path], wanted: str) -> str:
 
 def _hash(files: list[Path]) -> str:
     """SHA-256 of the file; of several, of their hashes one after the other."""
-    try:
+    with located(files[0].name):
         hashes = [file_hash(file) for file in files]
-    except OSError as error:
-        raise unreadable(files[0], error) from error
     return hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()
 
 
@@ -404,17 +393,14 @@ def remembered_robot(path: str | Path) -> tuple[str | None, str | None]:
     Raises:
         RecordError: No such file, an empty one, or one that cannot be read.
     """
-    # os.path says False where Path raises, as for names that no file can have.
-    if not os.path.exists(path) and not os.path.isfile(f"{path}.partial"):
-        raise _missing(path)
-    _refuse_results(Path(path))
-    if stored_rows(Path(path)) > LONG:
-        metadata = open_stored(path).metadata
-    elif os.path.isdir(path) or (os.path.isfile(path) and content_kind(Path(path)) != "parquet"):
-        _given_files(path)
+    file = _given_files(path)[0]
+    _refuse_results(file)
+    if stored_rows(file) > LONG:
+        metadata = open_stored(file).metadata
+    elif os.path.isdir(path) or content_kind(file) != "parquet":
         return None, None
     else:
-        metadata = read_record(path).metadata
+        metadata = read_record(file).metadata
     return metadata.robot, metadata.extra.get("mount")
 
 

@@ -31,7 +31,7 @@ from dynid.core import (
     parse_json,
     require_absent,
 )
-from dynid.recording.content import first_bytes, refused, unreadable
+from dynid.recording.content import first_bytes, located, refused
 from dynid.recording.record import (
     UNITS,
     VERSION,
@@ -79,12 +79,12 @@ def recover(path: Path, file: int | None = None, *, finished: bool = False) -> E
     Raises:
         RecordError: The description is lost, or there are fewer than two rows.
     """
-    try:
-        with open(path if file is None else file, "rb", closefd=file is None) as stream:
-            stream.seek(0)
-            data = stream.read()
-    except OSError as error:
-        raise unreadable(path, error) from error
+    with (
+        located(path.name),
+        open(path if file is None else file, "rb", closefd=file is None) as stream,
+    ):
+        stream.seek(0)
+        data = stream.read()
     segments = list(_segments(data))
     parts = {kind: [part for own, part in segments if own == kind] for kind in (b"H", b"R", b"N")}
     if not parts[b"H"]:

@@ -23,7 +23,6 @@ from dynid.recording.record import (
     Description,
     ExperimentRecord,
     RecordMetadata,
-    column_names,
     identity,
     of_robot,
     with_gains,
@@ -159,16 +158,13 @@ class StoredRecording:
         if last > starts[-1]:
             raise RecordError("rows are missing", where=self.path.name, value=last)
         begin, end = bisect_right(starts, first) - 1, bisect_left(starts, last)
-        columns = ("t", *column_names(names, self.joints))
+        columns = ("t", *(f"{name}_{k}" for name in names for k in self.order))
         groups = [_group(self.path, columns, written, k) for k in range(begin, end)]
         rows = slice(first - starts[begin], last - starts[begin])
-        table, order = np.concatenate(groups, axis=1)[:, rows], list(self.order)
+        table, n = np.concatenate(groups, axis=1)[:, rows], self.joints
         return ExperimentRecord(
             t=table[0],
-            signals={
-                name: table[1 + k * self.joints : 1 + (k + 1) * self.joints][order].T
-                for k, name in enumerate(names)
-            },
+            signals={name: table[1 + k * n : 1 + (k + 1) * n].T for k, name in enumerate(names)},
             # A part is not the file.
             metadata=replace(self.metadata, input_hash=""),
         )

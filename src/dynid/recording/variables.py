@@ -11,15 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynid.core import Array, Finding, RecordError, UnclearRecordError, printable
-from dynid.recording.cells import (
-    factor_of,
-    is_missing,
-    past_midnight,
-    refuse_unit,
-    stamp,
-    taken_as_it_is,
-)
-from dynid.recording.columns import select
+from dynid.recording.cells import factors_of, is_missing, past_midnight, stamp, taken_as_it_is
+from dynid.recording.columns import conversions, select
 from dynid.recording.headers import NotRecognised, match_headers
 from dynid.recording.names import parse_name, says_degrees
 from dynid.recording.table import (
@@ -209,37 +202,23 @@ def table_of(
     length = _length(arrays, joints)
     width = joints if joints is not None else _width(arrays, length)
     said = {name: unit for name, path in paths.items() if (unit := _unit_of(name, path))}
-    factors = {name: factor_of(name, unit) for name, unit in said.items()}
+    factors: dict[str, tuple[float, ...]] = {}
     signals: dict[str, Array] = {}
     notices: list[Finding] = []
     for name, value in arrays.items():
         if name == "t":
             continue
-        factor = factors.get(name, 1.0)
-        if factor is None and options.columns is None:
-            raise refuse_unit(name, said[name], paths[name], width or 0)
-        if factor is None:
-            factor = 1.0
+        factors[name], unknown = factors_of(name, [said.get(name, "")])
+        if unknown is not None:
             notices.append(taken_as_it_is(name, paths[name], said.pop(name)))
-        signals[name] = _upright(value, length, width, f"{name}={paths[name]}") * factor
+        signals[name] = _upright(value, length, width, f"{name}={paths[name]}") * factors[name]
     rows = len(signals["q"])
-    for name, value in signals.items():
-        if value.shape != signals["q"].shape:
-            raise RecordError(
-                f"{name}={paths[name]} does not fit q={paths['q']}",
-                value=value.shape,
-                limit=signals["q"].shape,
-            )
     t = arrays["t"].ravel() if "t" in arrays else None
     if t is not None and len(t) != rows:
         raise RecordError(
             f"t={paths['t']} has {len(t)} values but q has {rows} samples", value=signals["q"].shape
         )
-    changed = [
-        name for name, factor in factors.items() if name != "t" and factor not in (1.0, None)
-    ]
-    if changed:
-        notes.append(f"converted to SI units as the names say: {', '.join(changed)}")
+    notes.extend(conversions(factors))
     return RawTable(
         rows=np.arange(1, rows + 1, dtype=np.int64),
         row_word="sample",

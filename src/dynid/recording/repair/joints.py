@@ -36,8 +36,10 @@ def settle_joints(
     for quantity, values in table.signals.items():
         if values.shape != (table.samples, joints):
             raise RecordError(
-                f"{quantity} has {values.shape[-1]} columns but q has {joints}",
-                next_step="Give each quantity one column a joint.",
+                f"{quantity} has {values.shape[-1]} columns but q has {joints}"
+                if values.shape[-1] != joints
+                else f"{quantity} has {len(values)} rows but q has {table.samples}",
+                next_step="Give each quantity one column a joint, and as many rows as q.",
             )
     ordered = joint_order is not None and tuple(joint_order) != table.joint_names
     if joint_order is not None and ordered:
