@@ -418,7 +418,6 @@ def test_gains_are_stored_and_checked(tmp_path: Path) -> None:
         (b"PK\x03\x04" + bytes(100), "zip"),
         (b"\x1f\x8b" + bytes(100), "gzip file is damaged"),
         (b"#ROSBAG V2.0\n" + bytes(100), "no message in it can be read"),
-        (b"#ROSBAG V1.2\n" + bytes(100), "ROS 1 bag of before 2010"),
     ],
 )
 def test_hopeless_files_are_one_clear_error(tmp_path: Path, content: bytes, words: str) -> None:

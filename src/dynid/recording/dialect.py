@@ -27,14 +27,11 @@ SNIFFED = 1 << 16
 def _encoding_of(head: bytes) -> str:
     """The encoding of a text, by the first bytes of its file.
 
-    A byte order mark says it; zeros beside plain letters do; else it is UTF-8, or the
-    Windows code page where the bytes are no UTF-8 (a degree sign in a header).
+    A byte order mark says it; else it is UTF-8, or the Windows code page where the bytes are no
+    UTF-8 (a degree sign in a header).
     """
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
-    wide = _wide(head)
-    if wide:
-        return wide
     try:
         codecs.getincrementaldecoder("utf-8")().decode(head)
     except UnicodeDecodeError:
@@ -46,22 +43,8 @@ def _encoding_of(head: bytes) -> str:
 
 def looks_like_text(head: bytes) -> bool:
     """Whether the first bytes of a file can be a table in text form."""
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")) or _wide(head):
-        return True
-    return len(head.translate(None, _TEXT)) <= 0.1 * len(head)
-
-
-def _wide(head: bytes) -> str:
-    """The sort of UTF-16 without a byte order mark, or nothing."""
-    even, odd = head[0:4096:2], head[1:4096:2]
-    if len(odd) < 8:
-        return ""
-    for zeros, letters, name in ((odd, even, "utf-16-le"), (even, odd, "utf-16-be")):
-        if zeros.count(0) >= 0.95 * len(zeros) and (
-            len(letters.translate(None, _TEXT)) <= 0.05 * len(letters)
-        ):
-            return name
-    return ""
+    marked = head.startswith((b"\xff\xfe", b"\xfe\xff"))
+    return marked or len(head.translate(None, _TEXT)) <= 0.1 * len(head)
 
 
 def line_blocks(path: Path, encoding: str) -> Iterator[tuple[list[str], bool]]:

@@ -206,9 +206,7 @@ _PICKLE = (
     "DataFrame.to_parquet or to_csv, or numpy.savez(file, t=t, q=q, tau=tau)."
 )
 _OTHERS: tuple[tuple[bytes, str, str], ...] = (
-    (b"#ROSBAG V", "a ROS 1 bag of before 2010", "Convert it with: rosbag fix FILE NEW"),
     *((bytes([0x80, protocol]), "a Python pickle", _PICKLE) for protocol in range(2, 6)),
-    (b"FEA1", "a Feather file of version 1", "Write it again: pyarrow.feather.write_feather."),
     (b"ORC", "an ORC table", "Save it as Parquet: pyarrow.parquet.write_table."),
     (b"\xff\xff\xff\xff", "an Arrow stream", "Save it as Parquet: pyarrow.parquet.write_table."),
 )

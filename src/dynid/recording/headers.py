@@ -9,7 +9,7 @@ import numpy as np
 
 from dynid.core import Array, Finding, RecordError, UnclearRecordError, printable
 from dynid.recording.cells import example_columns, factors_of, refuse_unit
-from dynid.recording.names import OTHER, RANK, TARGET, Name, parse_name, split_joint, words_of
+from dynid.recording.names import OTHER, TARGET, Name, parse_name, split_joint, words_of
 from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, Clock, RawTable, find_clocks, stamps_of
 
 
@@ -129,7 +129,6 @@ def by_rows(columns: Mapping[str, Sequence[int]]) -> str:
 
 _TORQUE_STEMS = ("torque", "tau", "effort", "current", "cur")
 _TORQUES = words_of("torque torques tau taus effort efforts")
-_VELOCITIES = frozenset(word for word, (quantity, _) in RANK.items() if quantity == "qd")
 _NOT_MEASURED = words_of(
     "ext external error err gravity grav friction coriolis residual model estimated est predicted "
     "feedforward ff limit limits max min bias offset hat voltage cmd command desired target "
@@ -195,9 +194,6 @@ def _choose(
             f"torques are read from {' and '.join(map(repr, kept))}; not used: "
             + ", ".join(repr(family.label) for family in like[:8])
         )
-    if "qd" not in chosen and (like := list(filter(_is_velocity_like, families.get("", [])))):
-        passed = ", ".join(repr(family.label) for family in like[:8])
-        notes.append(f"no velocities are recognised; not used: {passed}")
     return chosen, notes
 
 
@@ -214,12 +210,6 @@ def _is_torque_like(family: Family) -> bool:
     words, around = (set(re.split(r"[._]", text)) for text in (family.base, family.scope))
     measured = not (_NOT_MEASURED & words or (OTHER | TARGET) & around)
     return measured and family.base.startswith(_TORQUE_STEMS)
-
-
-def _is_velocity_like(family: Family) -> bool:
-    """Whether a name that no recorder is known for has a word for velocities in it."""
-    words = set(re.split(r"[._]", f"{family.scope}.{family.base}"))
-    return bool(_VELOCITIES & words) and not (OTHER | TARGET) & words
 
 
 def _order(family: Family, home: str | None) -> tuple[bool, bool, bool, bool, int]:

@@ -144,16 +144,21 @@ class RawTable:
         """The same table with one more notice."""
         return replace(self, notices=(*self.notices, Finding(kind, text, joints=joints)))
 
-    def leave_out(self, bad: Mask, why: str, kind: str = "corrupt_rows") -> RawTable:
+    def leave_out(
+        self, bad: Mask, why: str, kind: str = "corrupt_rows", most: float = 1.0
+    ) -> RawTable:
         """The table without (N) bad rows, if there are any, and a notice that names the first.
 
-        They are what `why` says: `rows ... and are left out`.
+        They are what `why` says: `rows ... and are left out`. Above the share `most` they stay.
         """
         if not bad.any():
             return self
+        left, done = self.keep(~bad), "and are left out"
+        if bad.mean() > most:
+            left, done = self, "and are kept, too many to leave out"
         first = self.row(int(np.argmax(bad)))
-        text = f"{int(bad.sum())} of {self.samples} rows {why} and are left out; first: {first}"
-        return self.keep(~bad).report(kind, text)
+        text = f"{int(bad.sum())} of {self.samples} rows {why} {done}; first: {first}"
+        return left.report(kind, text)
 
     def note(self, text: str) -> RawTable:
         """The same table with one more note."""

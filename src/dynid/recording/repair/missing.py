@@ -175,14 +175,9 @@ def drop_frozen(table: RawTable) -> RawTable:
         if not held.any():
             continue
         why = f"repeat the {what} of the row before while the robot moves"
-        if held.mean() > _MOST:
-            return table.report(
-                "corrupt_rows",
-                f"{int(held.sum())} of {table.samples} rows {why}, too many to leave out; first: "
-                f"{table.row(int(np.argmax(held)))}",
-            )
+        left = table.leave_out(held, why, most=_MOST)
         # Masks are of the table as it was: one kind of damage at a time.
-        return drop_frozen(table.leave_out(held, why))
+        return left if held.mean() > _MOST else drop_frozen(left)
     return table
 
 
@@ -198,12 +193,8 @@ def _drop_placeholders(table: RawTable) -> RawTable:
         if bad.any() and bad.mean() <= _MOST:
             row = int(np.argmax(bad))
             joint = int(np.argmax(np.abs(value[row] - np.median(value, axis=0))))
-            table = table.keep(~bad).report(
-                "corrupt_rows",
-                f"{int(bad.sum())} of {table.samples} rows have numbers in {quantity} that stand "
-                f"for no value and are left out; first: {table.label(quantity, joint)} at "
-                f"{table.row(row)} ({value[row, joint]:.6g})",
-            )
+            what = f"{table.label(quantity, joint)}: {value[row, joint]:.6g}"
+            table = table.leave_out(bad, f"have numbers that stand for no value ({what})")
     return table
 
 

@@ -49,13 +49,7 @@ def drop_spikes(table: RawTable) -> RawTable:
     if not found:
         return table
     what = f"{', '.join(found[:3])}{' and others' if len(found) > 3 else ''}"
-    if bad.mean() > _SHARE:
-        return table.report(
-            "corrupt_rows",
-            f"{int(bad.sum())} of {table.samples} rows stand off the curve of their neighbours, "
-            f"too many to be stray values; kept: {what}",
-        )
-    return table.leave_out(bad, f"hold stray values ({what})")
+    return table.leave_out(bad, f"hold stray values ({what})", most=_SHARE)
 
 
 def _without_late_readings(value: Array, heights: Array) -> Array:
