@@ -101,6 +101,9 @@ def _named(item: str, name: str, names: Sequence[str] | None) -> list[int]:
         indices = [index for index, _ in numbered]
         if numbered and indices == list(range(indices[0], indices[0] + len(indices))):
             return [k for _, k in numbered]
+    # `position[elbow_joint]`
+    if joints := [k for k, (header, _) in enumerate(known) if header.startswith(f"{stem}[")]:
+        return joints
     raise _wrong(item, f"is no column of the header ({printable(name)!r})", tuple(names))
 
 

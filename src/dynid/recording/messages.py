@@ -2,9 +2,6 @@
 
 The decoder is that of rosbags. It compiles definitions to Python code; its grammar admits nothing
 but identifiers and literals into that code.
-
-Bags need not contain JointState messages: FrankaState, controller states and drivers' feedback are
-recognised by the names of their fields, as the columns of a table are by its header.
 """
 
 from __future__ import annotations
@@ -13,27 +10,24 @@ import functools
 import re
 import struct
 from array import array
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dynid.core import Array, RecordError, UnclearRecordError, printable, require
-from dynid.recording.bagfiles import Catalog, Message, Topic
-from dynid.recording.columns import assign
+from dynid.core import Array, require
+from dynid.recording.bagfiles import Topic
 from dynid.recording.content import ZSTD_MAGIC, inflate
-from dynid.recording.headers import NotRecognised, match_headers
-from dynid.recording.table import TORQUE_SOURCES, RawTable, ReadOptions
 
 _LONGEST_DEFINITION = 1 << 18
 _MOST_KEPT = 200
 """Longer arrays are images and the like: they are passed over."""
 _MAX_DEPTH = 16
-_INNER = re.compile(r"(.*)\.values\[(\d+)\]")
 _JOINT_LISTS = ("joint_names", "name", "names", "joint_name")
+_INTERFACES = "interface_names"
+_LISTS = frozenset({*_JOINT_LISTS, _INTERFACES})
 
 
 class MessageError(ValueError):
@@ -42,15 +36,45 @@ class MessageError(ValueError):
 
 @dataclass(slots=True)
 class Decoded:
-    """The numbers and texts of one message."""
+    """The numbers of one message, and the names of joints among its texts."""
 
     stamp_ns: int = 0
     """Stamp of its header; 0 where it has none."""
-    names: list[str] = field(default_factory=list[str])
-    """Paths of its numbers: `q[0]`, `feedback.positions[3]`."""
     values: list[float] = field(default_factory=list[float])
-    texts: dict[str, list[str]] = field(default_factory=dict[str, list[str]])
-    """Path to a list of strings, which may be joint names."""
+    form: list[tuple[str, int | tuple[str, ...]]] = field(
+        default_factory=list[tuple[str, int | tuple[str, ...]]]
+    )
+    """Path and length of its arrays of numbers (`q`, `feedback.positions`), -1 for one number; path
+    and words of lists that are called as joint names are."""
+
+    def names(self) -> tuple[str, ...]:
+        """The path of each number, by its joint where that is known: `q[elbow_joint]`, `q[0]`."""
+        texts = {path: size for path, size in self.form if isinstance(size, tuple)}
+        names: list[str] = []
+        for path, size in self.form:
+            if isinstance(size, tuple):
+                continue
+            stem, _, last = path.rpartition(".")
+            own, outer = texts.get(f"{stem}.{_INTERFACES}", ()), texts.get("joint_names", ())
+            place = re.search(r"\[(\d+)\]$", stem)
+            if last == "values" and place and int(place[1]) < len(outer) and len(own) == size:
+                # `DynamicJointState`: a list of interfaces for each joint.
+                names += [f"{item}[{outer[int(place[1])]}]" for item in own]
+            elif size < 0:
+                names.append(path)
+            else:
+                names += [f"{path}[{k}]" for k in _joints_beside(texts, stem, size) or range(size)]
+        return tuple(names)
+
+
+def _joints_beside(texts: Mapping[str, tuple[str, ...]], scope: str, size: int) -> tuple[str, ...]:
+    """The joints' names beside an array of numbers, or the only ones in the message."""
+    fits = {path: x for path, x in texts.items() if len(x) == size == len({*x}) > 1}
+    for prefix in (f"{scope}." if scope else "", ""):
+        for key in _JOINT_LISTS:
+            if prefix + key in fits:
+                return fits[prefix + key]
+    return fits.popitem()[1] if len({*fits.values()}) == 1 else ()
 
 
 class MessageDecoder:
@@ -164,62 +188,22 @@ def _flatten(message: Any, path: str, into: Decoded, depth: int) -> None:
             numbers = cast("NDArray[Any]", value)
             # Bytes are images and flags.
             if numbers.size <= _MOST_KEPT and numbers.dtype.kind in "fiu" and numbers.itemsize > 1:
-                into.names += [f"{inner}[{k}]" for k in range(numbers.size)]
+                into.form.append((inner, numbers.size))
                 into.values += numbers.tolist()
         elif isinstance(value, list):
             items = cast("list[Any]", value)
             if all(isinstance(item, str) for item in items):
-                into.texts[inner] = items
+                if name in _LISTS:
+                    into.form.append((inner, tuple(items)))
                 continue
             for k, item in enumerate(items[:_MOST_KEPT]):
                 _flatten(item, f"{inner}[{k}]", into, depth + 1)
-        elif isinstance(value, str):
-            into.texts[inner] = [value]
         elif isinstance(value, (float, int)):
             if not isinstance(value, bool):
-                into.names.append(inner)
+                into.form.append((inner, -1))
                 into.values.append(float(value))
-        else:
+        elif not isinstance(value, str):
             _flatten(value, inner, into, depth + 1)
-
-
-def _field_names(message: Decoded) -> list[str]:
-    """Paths of the numbers; interfaces that `DynamicJointState` names itself go by those names."""
-    names: list[str] = []
-    listed = [message.texts[key] for key in _JOINT_LISTS if key in message.texts]
-    outer = listed[0] if listed else []
-    for name in message.names:
-        match = _INNER.fullmatch(name)
-        own = message.texts.get(f"{match.group(1)}.interface_names", []) if match else []
-        if match and (index := re.search(r"\[(\d+)\]$", match.group(1))):
-            joint, item = int(index.group(1)), int(match.group(2))
-            if joint < len(outer) and item < len(own):
-                names.append(f"{outer[joint]}/{own[item]}")
-                continue
-        names.append(name)
-    return names
-
-
-def _joints_beside(
-    message: Decoded, names: Sequence[str], columns: Sequence[int]
-) -> tuple[str, ...]:
-    """The joints' names that stand beside the positions (columns) in a message, if any."""
-    scope = names[columns[0]].rpartition(".")[0]
-    for prefix in (f"{scope}." if scope else "", ""):
-        for key in _JOINT_LISTS:
-            listed = message.texts.get(prefix + key, [])
-            if len(listed) == len(columns) == len(set(listed)):
-                return tuple(listed)
-    return ()
-
-
-Reader = Callable[[Catalog], Iterator[Message]]
-"""Yields the messages of a bag that a catalog wants."""
-_RECORD = "Record the robot's /joint_states topic."
-_CONVERT = (
-    " Or, as this bag does not define its messages, on a machine that has them: "
-    "ros2 topic echo --csv TOPIC > run.csv, or ros2 bag convert to storage_id: mcap."
-)
 
 
 @dataclass(slots=True)
@@ -253,158 +237,3 @@ class Messages:
     def table(self) -> Array:
         """(N, k) the fields."""
         return np.frombuffer(self.values, dtype=np.float64).reshape(len(self.number), -1)
-
-
-def clock_facts(times: NDArray[np.int64]) -> dict[str, Any]:
-    """Rows and time of a raw table, from the `times` of messages (3, N).
-
-    Drivers leave headers empty: then the times of arrival are the clock.
-    """
-    stamps = times[1]
-    empty = (stamps <= 0).mean() > 0.5 or np.unique(stamps).size <= max(1, len(stamps) // 10)
-    clock, ticks = ("receive", times[2]) if empty else ("header", stamps)
-    return {
-        "rows": times[0],
-        "row_word": "message",
-        "t": (ticks - ticks[0]).astype(np.float64) * 1e-9,
-        "time_scale": 1.0,
-        "t0": f"{ticks[0] // 1_000_000_000}.{ticks[0] % 1_000_000_000:09d}",
-        "clock": clock,
-    }
-
-
-def read_states(read: Reader, topics: Mapping[str, Topic], options: ReadOptions) -> RawTable:
-    """Read the messages of one topic by the names of their fields.
-
-    Columns say quantity to field (`effort=tau_J`).
-
-    Raises:
-        RecordError: No topic has positions, several have, or their messages are not defined.
-    """
-    joints, columns, topic = options.joints, options.columns, options.topic
-    chosen, first = _choose(read, topics, topic, joints)
-    names = _field_names(first)
-    with _of_topic(chosen):
-        found = assign(names, columns, len(names), joints)
-    if columns is None:
-        # The messages' own stamps are the clock.
-        found = replace(found, clocks=())
-    taken = sorted(
-        {k for cols in found.columns.values() for k in cols}
-        | {k for clock in found.clocks for k in clock.columns}
-    )
-    decoder, messages = MessageDecoder(chosen), Messages()
-    catalog = Catalog(wanted=lambda item: item.name == chosen.name)
-    count = damaged = other = 0
-    for count, (_, receive, data) in enumerate(read(catalog), 1):
-        try:
-            message = decoder.decode(data)
-        except MessageError:
-            damaged += 1
-            continue
-        if message.names != first.names or message.texts != first.texts:
-            other += 1
-            continue
-        messages.add(count, message.stamp_ns, receive, (message.values[k] for k in taken))
-    if not messages.number:
-        raise RecordError(
-            f"no message of {chosen.name} can be decoded", value=f"{damaged} damaged messages"
-        )
-    place = {column: k for k, column in enumerate(taken)}
-    values = messages.table()
-    facts = clock_facts(messages.times)
-    table = found.table(
-        names,
-        lambda k: values[:, place[k]],
-        rows=facts["rows"],
-        row_word="message",
-        dropped=damaged + other,
-        extra={"topic": chosen.name},
-    )
-    if table.t is None:
-        table = replace(table, **facts)
-    table = replace(
-        table,
-        columns={},
-        joint_names=table.joint_names or _joints_beside(first, names, found.columns["q"]),
-        notices=(*catalog.findings, *table.notices),
-    ).note(f"topic {printable(chosen.name)} ({printable(chosen.kind)})")
-    if damaged:
-        table = table.report("corrupt_rows", f"{damaged} of {count} messages cannot be decoded")
-    if other:
-        table = table.report(
-            "dropped_rows", f"{other} of {count} messages have other fields or joints"
-        )
-    return table
-
-
-@contextmanager
-def _of_topic(topic: Topic) -> Generator[None]:
-    """The topic in the words of an error; where it is, the file tells."""
-    try:
-        yield
-    except RecordError as error:
-        raise error.changed(what=f"topic {printable(topic.name)}: {error.what}") from error
-
-
-def _choose(
-    read: Reader, topics: Mapping[str, Topic], wanted: str | None, joints: Sequence[str]
-) -> tuple[Topic, Decoded]:
-    """The topic that is asked for, or the only one that has positions, and its first message."""
-    if wanted is not None and wanted not in topics:
-        raise RecordError("no such topic", value=wanted, limit=sorted(topics))
-    asked = [topics[wanted]] if wanted is not None else list(topics.values())
-    samples = _first_of(read, asked)
-    full: list[Topic] = []
-    some: list[Topic] = []
-    unclear: list[RecordError] = []
-    for item in asked:
-        if item.name not in samples:
-            continue
-        if wanted is not None:
-            return item, samples[item.name]
-        try:
-            with _of_topic(item):
-                match = match_headers(_field_names(samples[item.name]), joints)
-        except NotRecognised:
-            continue
-        except RecordError as error:
-            unclear.append(error)
-            continue
-        torque = any(name in match.columns for name in TORQUE_SOURCES)
-        (full if torque else some).append(item)
-    fits = full or some
-    if len(fits) == 1:
-        return fits[0], samples[fits[0].name]
-    described = [f"{item.name} ({item.kind})" for item in fits or topics.values()][:20]
-    if fits:
-        raise UnclearRecordError(
-            f"{len(fits)} topics can be the robot's state",
-            value=described,
-            next_step=f"Choose one, for example --topic {fits[0].name}.",
-        )
-    if unclear:
-        # A topic of the right kind, of which more has to be said.
-        raise unclear[0]
-    bare = [item for item in asked if not item.definition and not item.is_joint_state]
-    raise RecordError(
-        "the bag has no readable sensor_msgs/JointState topic, nor another with positions",
-        value=described or None,
-        next_step=_RECORD + (_CONVERT if bare else ""),
-    )
-
-
-def _first_of(read: Reader, topics: Sequence[Topic]) -> dict[str, Decoded]:
-    """The first good message of each topic that can be decoded."""
-    decoders: dict[str, MessageDecoder] = {}
-    for item in topics:
-        with suppress(MessageError):
-            decoders[item.name] = MessageDecoder(item)
-    found: dict[str, Decoded] = {}
-    for name, _, data in read(Catalog(wanted=lambda item: item.name in decoders)):
-        if name not in found:
-            with suppress(MessageError):
-                found[name] = decoders[name].decode(data)
-            if len(found) == len(decoders):
-                break
-    return found

@@ -22,12 +22,12 @@ from dynid.core import (
     like_named,
 )
 from dynid.recording.arrayfiles import read_frame, read_hdf5, read_json, read_mat, read_npz
+from dynid.recording.bags import bag_files, read_bag
 from dynid.recording.columns import parse_columns
 from dynid.recording.content import Budget, first_bytes, located
 from dynid.recording.csv import are_one_run, read_csv
 from dynid.recording.formats import FORMATS, content_kind, unpacked
 from dynid.recording.isolation import read_isolated, serve
-from dynid.recording.jointstates import bag_files, read_bag
 from dynid.recording.record import ExperimentRecord, with_gains
 from dynid.recording.repair.joints import refuse_degrees
 from dynid.recording.repair.pipeline import repair
