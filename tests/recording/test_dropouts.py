@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from recorded_motions import Motion
 
-from dynid.core import RecordError
 from dynid.recording import ExperimentRecord, RawTable, ReadOptions, repair
 from dynid.signals.resample import GAP_STEPS
 
@@ -157,9 +156,9 @@ def test_velocities_that_are_others_are_left_out(factor: object, words: str) -> 
     assert re.search(words, record.problems[0].message)
 
 
-def test_a_time_that_counts_rows_is_refused_where_velocities_say_so() -> None:
-    with pytest.raises(RecordError, match=r"counts rows.*125 Hz.*rate_hz"):
-        run(raw(t=np.arange(1500.0)))
+def test_a_time_that_counts_rows_is_told_where_velocities_say_so() -> None:
+    said = [problem.message for problem in run(raw(t=np.arange(1500.0))).problems]
+    assert any("the velocities 125 Hz" in message for message in said)
     # At 1 kHz it may as well be milliseconds.
     fast = Motion(samples=4000, rate=1000.0)
     t = fast.t
@@ -205,13 +204,3 @@ def test_zeros_of_all_torques_are_no_torques(start: int) -> None:
     assert codes(record) == ["corrupt_rows"]
     assert record.samples == 1480
     assert (record.signals["current"] != 0).any(axis=1).all()
-
-
-def test_torques_that_are_renewed_slowly_are_told() -> None:
-    table = raw()
-    current = np.repeat(table.signals["current"][::4], 4, axis=0)
-    record = run(table.with_signals({"current": current}))
-    assert record.samples == 1500
-    assert codes(record) == ["clock_jitter"]
-    assert "currents are the same" in record.problems[0].message
-    assert "75 %" in record.problems[0].message

@@ -205,17 +205,6 @@ def test_spikes_at_the_ends_are_dropped(row: int) -> None:
     np.testing.assert_allclose(record.signals["q"], MOTION.position(times(record)), atol=1e-9)
 
 
-@pytest.mark.parametrize("row", [0, 1499])
-def test_a_stray_torque_at_an_end_is_dropped(row: int) -> None:
-    """Nothing comes back behind it, and rows of torques break off nowhere else."""
-    table = raw()
-    current = table.signals["current"].copy()
-    current[row, 2] += 20.0
-    record = run(signals(table, current=current))
-    assert codes(record) == ["corrupt_rows"]
-    assert record.samples == 1499
-
-
 @pytest.mark.parametrize("error", [-1e6, -20.0, 20.0, 1e9])
 @pytest.mark.parametrize("rows", [[0], [0, 1], [-1], [-2, -1]])
 def test_stray_stamps_at_an_end_cost_no_time(rows: list[int], error: float) -> None:

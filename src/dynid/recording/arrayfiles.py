@@ -10,7 +10,7 @@ import json
 import struct
 import warnings
 import zlib
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from io import BytesIO
 from itertools import chain
 from pathlib import Path
@@ -43,16 +43,14 @@ def read_frame(files: list[Path], options: ReadOptions, budget: Budget) -> RawTa
         raise RecordError("there are no columns of numbers")
     names = [name for name, _ in named]
     found = assign(names, options.columns, len(names), options.joints)
-    read = found.table(
+    return found.table(
         names,
         lambda k: named[k][1],
+        beside=joints,
         format="parquet",
         rows=np.arange(1, len(named[0][1]) + 1, dtype=np.int64),
         row_word="row",
     )
-    if read.joint_names or len(joints) != read.joints:
-        return read
-    return replace(read, joint_names=joints)
 
 
 def _joint_names(table: Any) -> tuple[str, ...]:

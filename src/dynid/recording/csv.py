@@ -379,17 +379,15 @@ def _read(tables: list[Dialect], options: ReadOptions) -> RawTable:
         names,
         lambda k: values[:, position[k]],
         moments,
+        # As `rostopic echo -p` writes them.
+        beside=sheets[0].dialect.joint_names if len(sheets) == 1 else (),
         format=format,
         rows=pasted.rows,
         channels={name: values[:, position[k]] for k, name in extras.items()},
         reported=pasted.reported,
     )
-    # Joint names that stand beside the values, as `rostopic echo -p` writes them.
-    beside = sheets[0].dialect.joint_names if len(sheets) == 1 else ()
-    whole = len(beside) == len({*beside}) == len(found.columns["q"])
     return replace(
         table,
-        joint_names=table.joint_names or (beside if whole else ()),
         notices=(*table.notices, *pasted.notices),
         notes=(*notes, *table.notes),
     )

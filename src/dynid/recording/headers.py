@@ -251,13 +251,16 @@ class Match:
         names: Sequence[str] | None,
         column: Callable[[int], Array],
         moments: frozenset[int] = frozenset(),
+        beside: tuple[str, ...] = (),
         **facts: Any,
     ) -> RawTable:
         """The raw table of these columns, in SI units.
 
         `column` gives the (N) numbers of a column; `moments` are columns that were dates, in
-        seconds by now; `facts` are more of the table.
+        seconds by now; `beside` are joint names that stand with the numbers, for columns without;
+        `facts` are more of the table.
         """
+        whole = len(beside) == len({*beside}) == len(self.columns["q"])
         time = stamps_of(self.clocks, column, moments)
         notes = (*self.notes, *time.pop("notes"))
         return RawTable(
@@ -272,7 +275,7 @@ class Match:
             },
             columns=dict(self.columns),
             said=self.said,
-            joint_names=self.joint_names,
+            joint_names=self.joint_names or (beside if whole else ()),
             notices=self.notices,
             notes=notes,
             **time,

@@ -5,9 +5,8 @@ from decimal import Decimal
 
 import numpy as np
 
-from dynid.core import Array, UnclearRecordError
-from dynid.recording.headers import by_rows
-from dynid.recording.repair.motion import DEGREE, FASTEST, RPM, common_slope, velocity_slopes
+from dynid.core import Array
+from dynid.recording.repair.motion import DEGREE, FASTEST, common_slope, velocity_slopes
 from dynid.recording.table import Mask, RawTable, Rows
 
 _DAY = 86400.0
@@ -21,9 +20,6 @@ def settle_unit(table: RawTable) -> RawTable:
 
     The unit is what the file says, else what makes positions and velocities agree, else
     what makes the sampling rate one of a robot (10 Hz to 10 kHz).
-
-    Raises:
-        RecordError: The time counts rows.
     """
     first = float(table.stamps[0])
     t = table.stamps - first
@@ -31,7 +27,6 @@ def settle_unit(table: RawTable) -> RawTable:
     guessed = scale is None
     if scale is None:
         scale = _scale(t, table)
-        _refuse_row_counts(t * scale, t, table)
     # Rows before the first may have gone, so its stamp counts from where t was zero.
     stamp = f"{Decimal(table.t0) + Decimal(repr(first)):f}" if table.t0 else repr(first * scale)
     table = replace(table, t=t * scale, time_scale=1.0, t0=stamp)
@@ -72,26 +67,6 @@ def _scale(t: Array, table: RawTable) -> float:
     # A slow log of a moving robot has large steps of position as well.
     speed = float(np.quantile(np.abs(np.diff(q, axis=0)), 0.99)) / (step * scale)
     return 1.0 if speed > 50 else scale
-
-
-def _refuse_row_counts(seconds: Array, t: Array, table: RawTable) -> None:
-    """Refuse a time of 0, 1, 2, ... that contradicts the velocities: it counts rows.
-
-    Raises:
-        RecordError: It does; the message names the rate that velocities tell.
-    """
-    if "qd" not in table.signals or float((np.diff(t) == 1).mean()) < 0.9:
-        return
-    slope = common_slope(*velocity_slopes(seconds, table.signals["q"], table.signals["qd"]))
-    others = (1.0, DEGREE, 1 / DEGREE, RPM)
-    if slope is None or slope <= 0 or any(abs(slope / other - 1) < 0.25 for other in others):
-        return
-    rate = 1 / float(np.median(np.diff(seconds))) / slope
-    raise UnclearRecordError(
-        "the time goes up by 1 a row and fits the velocities in no unit: it counts rows",
-        value=f"velocities tell {rate:.4g} Hz",
-        next_step=by_rows(table.columns),
-    )
 
 
 _BESIDE = 9

@@ -9,7 +9,7 @@ import numpy as np
 
 from dynid.core import Array, RecordError, UnclearRecordError, printable
 from dynid.recording.cells import factor_of
-from dynid.recording.names import UR_JOINTS, parse_name, places_of, plainly, said_of_others
+from dynid.recording.names import UR_JOINTS, parse_name, places_of, said_of_others
 from dynid.recording.table import ANGLES, Mask, RawTable
 from dynid.robot import RobotModel
 
@@ -105,12 +105,11 @@ def _by_name(table: RawTable, robot: RobotModel, *, given: bool) -> RawTable:
 
 
 def _numbered(names: Sequence[str]) -> list[int]:
-    """The order of names that differ by their last number only (`joint10` after `joint2`)."""
-    parts = [re.fullmatch(r"(.*?)(\d+)(\D*)", plainly(name)) for name in names]
-    stems = {(part.group(1), part.group(3)) for part in parts if part}
-    if len(stems) != 1 or not all(parts):
+    """The order of names that all have a number (`joint10` after `joint2`)."""
+    numbers = [number for name in names if (number := parse_name(name).index) is not None]
+    if len({*numbers}) < len(names):
         return []
-    return sorted(range(len(names)), key=lambda k: int(parts[k].group(2)) if parts[k] else 0)  # pyright: ignore[reportOptionalMemberAccess]
+    return sorted(range(len(names)), key=lambda k: numbers[k])
 
 
 def _first_columns(table: RawTable, joints: int) -> str:

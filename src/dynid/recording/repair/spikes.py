@@ -90,7 +90,6 @@ def _find_spikes(t: Array, x: Array, bar: float, share: float, least: float) -> 
     floor = max(least, share * float(high - low), 4 * grain if np.isfinite(grain) else 0.0)
     if float(steps.max()) <= floor:
         return heights
-    ends = np.zeros(2)
     for width in (1, 2, 3):
         keep = np.flatnonzero(heights == 0)
         x_kept, bases = x[keep], (t[keep], np.arange(len(keep), dtype=np.float64))
@@ -99,7 +98,6 @@ def _find_spikes(t: Array, x: Array, bar: float, share: float, least: float) -> 
         by_time, by_row = (_off_the_curve(base, x_kept, width) for base in bases)
         off = np.minimum(np.abs(by_time), np.abs(by_row))
         noise = 1.4826 * _local_median(off)
-        ends = np.maximum(ends, noise[[0, -1]])
         # Nothing measured is zero by chance so often as by damage.
         bound = np.maximum(np.where(np.abs(x_kept) < _NOTHING, bar / 3, bar) * noise, floor)
         candidates = np.flatnonzero(off > bound)
@@ -107,11 +105,6 @@ def _find_spikes(t: Array, x: Array, bar: float, share: float, least: float) -> 
             return np.zeros(len(x))
         for block, height in _confirmed(bases, x_kept, candidates, off, width):
             heights[keep[block]] = height
-    inner = np.flatnonzero(heights == 0)
-    for take, end in zip((inner[:6], inner[::-1][:6]), ends.tolist(), strict=True):
-        if len(take) == 6:
-            # Five neighbours of a rough signal lie on a line by chance: its noise nearby counts.
-            heights[take[0]] = _stray_end(t[take], x[take], max(3 * floor, bar * end))
     return heights
 
 
@@ -190,12 +183,3 @@ def _residue(base: Array, x: Array, around: list[int], at: int) -> float:
         others = (other for other, _ in points if other != node)
         guess += math.prod((here - other) / (node - other) for other in others) * value
     return abs(float(x[at]) - guess)
-
-
-def _stray_end(t: Array, x: Array, floor: float) -> float:
-    """How far the first of six samples is off the line through the others; 0 if not much."""
-    offsets, values = t[1:] - t[1:].mean(), x[1:] - x[1:].mean()
-    slope = float(offsets @ values) / float(offsets @ offsets)
-    noise = float(np.abs(values - slope * offsets).max())
-    off = abs(float(x[0] - x[1:].mean() - slope * (t[0] - t[1:].mean())))
-    return off if off > max(floor, 12 * noise) else 0.0

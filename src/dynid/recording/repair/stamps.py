@@ -157,32 +157,14 @@ def drop_repeats(table: RawTable) -> RawTable:
     same = np.concatenate([[False], (stacked[1:] == stacked[:-1]).all(axis=1)])
     twice = same & np.concatenate([[False], table.stamps[1:] == table.stamps[:-1]])
     table, same = table.leave_out(twice, "were written twice", "dropped_rows"), same[~twice]
-    moving = _moves(table.signals["q"])
-    held = same & moving
+    held = same & _moves(table.signals["q"])
     if held.sum() < max(3, 0.002 * table.samples) or held.mean() > 0.9:
-        return _report_slow_signals(table, moving)
+        return table
     why = (
         "repeat all signals of the row before while the robot moves (read faster than they are "
         "updated)"
     )
     return table.leave_out(held, why, "dropped_rows")
-
-
-def _report_slow_signals(table: RawTable, moving: Mask) -> RawTable:
-    """Report positions or torques that are renewed on some rows only."""
-    for quantity, word in (("q", "positions"), ("effort", "efforts"), ("current", "currents")):
-        if quantity not in table.signals or not table.signals[quantity].any():
-            continue
-        changes = rows_with(np.diff(table.signals[quantity], axis=0) != 0)
-        still = np.concatenate([[False], ~changes])
-        share = float((still & moving).sum()) / max(float(moving.sum()), 1.0)
-        if share >= 0.3:
-            table = table.report(
-                "clock_jitter",
-                f"{word} are the same as on the row before on {100 * share:.0f} % of the rows of "
-                "the motion: they are renewed more slowly than the rows come, or too coarse",
-            )
-    return table
 
 
 _UNEVEN = 0.1
@@ -211,8 +193,9 @@ def fill_held(table: RawTable) -> RawTable:
         [np.arange(a, b - every // 2, every) for a, b in pairwise([0, *renewed])] + [renewed[-1:]]
     )
     way = scipy_part("interpolate").CubicSpline(t[knots], q[knots])
-    return table.with_signals({"q": way(np.clip(t, t[knots[0]], t[knots[-1]]))}).note(
-        f"positions are renewed every {usual:.3g} rows: those between are interpolated"
+    return table.with_signals({"q": way(np.clip(t, t[knots[0]], t[knots[-1]]))}).report(
+        "clock_jitter",
+        f"positions are renewed every {usual:.3g} rows: those between are interpolated",
     )
 
 
