@@ -11,9 +11,8 @@ import pytest
 from hostile_files import DOCUMENTS, MAKERS
 
 from dynid.core import InputError, RecordError, load_object
-from dynid.recording import read_record, read_recording
+from dynid.recording import ExperimentRecord, read_record, read_recording, write_record
 from dynid.recording.content import Budget, refused
-from dynid.recording.store import KEY
 from dynid.robot import load_robot
 
 SAMPLE = [
@@ -51,8 +50,11 @@ def test_own_recordings_have_the_same_budget(
 ) -> None:
     path = tmp_path / "own.parquet"
     arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    q = np.zeros((2, 1))
+    write_record(ExperimentRecord(t=np.arange(2.0), signals={"q": q}), tmp_path / "true.parquet")
     zeros = arrow.table({"t": np.zeros(20_000_000)})
-    parquet.write_table(zeros.replace_schema_metadata({KEY: b"{}"}), path, compression="zstd")
+    true = parquet.read_schema(tmp_path / "true.parquet").metadata
+    parquet.write_table(zeros.replace_schema_metadata(true), path, compression="zstd")
     assert path.stat().st_size < 1e6
     monkeypatch.setattr(Budget, "of", lambda files: Budget(memory_bytes=100 << 20))
     for read in (read_record, read_recording):

@@ -297,8 +297,8 @@ def _cut_chunk(data: bytes, library: Any) -> Iterable[Any]:
 
 
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
-_MESSAGE, _CHUNK, _CONNECTION = 0x02, 0x05, 0x07
-_BAG_HEADER = b"\x03"
+_MESSAGE, _BAG_HEADER, _CHUNK, _CONNECTION = 0x02, 0x03, 0x05, 0x07
+_KINDS = (_MESSAGE, _CHUNK, _CONNECTION)
 
 
 def ros1_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
@@ -318,29 +318,40 @@ def ros1_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
     state = _Reading(catalog)
     with path.open("rb") as stream:
         stream.seek(len(ROS1_MAGIC))
-        yield from _records(stream, path.stat().st_size, state)
+        try:
+            yield from _records(stream, path.stat().st_size, state)
+        except InflateError:
+            state.cut = True
     state.cut |= state.chunks < state.expected
     state.report(path)
 
 
-def _records(stream: BinaryIO, size: int, state: _Reading) -> Iterator[Message]:
+def _records(
+    stream: BinaryIO, size: int, state: _Reading, kinds: tuple[int, ...] = _KINDS
+) -> Iterator[Message]:
+    """The messages among records, those in chunks too.
+
+    Raises:
+        InflateError: The stream ends within a record.
+    """
     while start := stream.read(4):
         length = struct.unpack("<I", start)[0] if len(start) == 4 else MAX_BYTES + 1
         header = stream.read(min(length, size))
         tail = stream.read(4)
         if len(header) < length or len(tail) < 4:
-            state.cut = True
-            return
+            raise InflateError("cut off")
         (count,) = struct.unpack("<I", tail)
         fields = _fields(header)
+        kind = fields.get(b"op", b"\x00")[0]
         if count > size - stream.tell():
-            state.cut = True
-            if fields.get(b"op") == bytes([_CHUNK]):
+            if kind == _CHUNK and kind in kinds:
+                # Of the chunk in which the file is cut off, what is there.
+                state.cut = True
                 yield from _record(fields, stream.read(), state)
-            return
-        if fields.get(b"op") == _BAG_HEADER and len(fields.get(b"chunk_count", b"")) == 4:
+            raise InflateError("cut off")
+        if kind == _BAG_HEADER and len(fields.get(b"chunk_count", b"")) == 4:
             (state.expected,) = struct.unpack("<I", fields[b"chunk_count"])
-        if fields.get(b"op", b"\x00")[:1] in (b"\x02", b"\x05", b"\x07") and count <= MAX_BYTES:
+        if kind in kinds and count <= MAX_BYTES:
             yield from _record(fields, stream.read(count), state)
         else:
             stream.seek(count, 1)
@@ -369,30 +380,12 @@ def _record(fields: dict[bytes, bytes], data: bytes, state: _Reading) -> Iterato
                 yield topic, seconds * 1_000_000_000 + nanoseconds, data
         elif operation == _CHUNK:
             state.chunks += 1
-            yield from _chunk(fields, data, state)
+            (size,) = struct.unpack("<I", fields[b"size"])
+            method = fields[b"compression"].decode(errors="replace").removeprefix("none")
+            data = inflate(data, method, None if state.cut else size)
+            yield from _records(io.BytesIO(data), len(data), state, (_MESSAGE, _CONNECTION))
     except (KeyError, struct.error, InflateError):
-        state.damaged += 1
-
-
-def _chunk(fields: dict[bytes, bytes], data: bytes, state: _Reading) -> Iterator[Message]:
-    (size,) = struct.unpack("<I", fields[b"size"])
-    method = fields[b"compression"].decode(errors="replace")
-    # Of the chunk in which the file is cut off, what is there.
-    data = inflate(data, "" if method == "none" else method, None if state.cut else size)
-    offset = 0
-    while offset + 8 <= len(data):
-        (length,) = struct.unpack_from("<I", data, offset)
-        header = data[offset + 4 : offset + 4 + length]
-        (count,) = struct.unpack_from("<I", data, offset + 4 + length)
-        start = offset + 8 + length
-        if start + count > len(data) and state.cut:
-            return
-        inner = _fields(header)
-        if inner.get(b"op", b"\x00")[0] in (_MESSAGE, _CONNECTION):
-            yield from _record(inner, data[start : start + count], state)
-        offset = start + count
-    if offset != len(data):
-        state.damaged += 1
+        state.damaged += not state.cut
 
 
 def _fields(header: bytes) -> dict[bytes, bytes]:

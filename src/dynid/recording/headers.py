@@ -385,24 +385,11 @@ def _families(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[Fam
             quantity: [_only(family, wanted) for family in families]
             for quantity, families in found.items()
         }
-        if not found.get("q"):
-            # Columns that are called as the joints, beside `elbow_joint_effort`, are positions.
-            bare = [x for x in found.get("", []) if not x.base and set(x.joints) == wanted]
-            found["q"] = bare
-        if any(set(family.joints) == wanted for family in found["q"]):
+        _take_bare(found)
+        if any(set(family.joints) == wanted for family in found.get("q", [])):
             return found
     plainly = _collect(map(parse_name, names))
-    if not plainly.get("q"):
-        # `joint_1`, beside `effort_1`
-        torques = {len(x.members) for name in TORQUE_SOURCES for x in plainly.get(name, [])}
-        bare = [
-            family
-            for family in plainly.get("", [])
-            if not family.base and len(family.members) in torques
-            if not any(name.unit for name, _ in family.members)
-        ]
-        if bare:
-            plainly["q"] = bare
+    _take_bare(plainly)
     if any(family.whole for family in plainly.get("q", [])):
         return plainly
     split = _collect(split_joint(text) or parse_name(text) for text in names)
@@ -413,6 +400,22 @@ def _families(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[Fam
         for family in split.get("q", [])
     )
     return split if sure else plainly
+
+
+def _take_bare(found: dict[str, list[Family]]) -> None:
+    """Take columns that are called as their joints, beside those of torques, for positions.
+
+    As `joint_1` beside `effort_1`, or `elbow_joint` beside `elbow_joint_effort`.
+    """
+    torques = {len(x.members) for name in TORQUE_SOURCES for x in found.get(name, [])}
+    bare = [
+        family
+        for family in found.get("", [])
+        if not family.base and len(family.members) in torques
+        if not any(name.unit for name, _ in family.members)
+    ]
+    if bare and not found.get("q"):
+        found["q"] = bare
 
 
 def _only(family: Family, wanted: set[str]) -> Family:

@@ -21,7 +21,6 @@ from typing import IO, Any
 import numpy as np
 
 from dynid.core import (
-    Array,
     Finding,
     JobError,
     RecordError,
@@ -248,6 +247,24 @@ def is_own(path: Path) -> bool:
         return bytes([len(KEY)]) + KEY in stream.read()
 
 
+def described(footer: Any) -> tuple[Description, dict[str, Any], str]:
+    """What the footer of a Parquet file says of the recording in it: read, as written, its digest.
+
+    Raises:
+        RecordError: Foreign, damaged, or of another version.
+    """
+    entries: dict[bytes, bytes] = footer.metadata or {}
+    if KEY not in entries:
+        raise RecordError("this Parquet file is not a dynid recording", next_step=_FOREIGN)
+    written: dict[str, Any] = parse_json(entries[KEY].decode())
+    if (version := written.get("schema")) != VERSION:
+        raise RecordError(
+            "the recording was written by another version of dynid", value=version, limit=VERSION
+        )
+    digest = str(written.pop("digest", ""))
+    return Description.of(written, written.get("problems") or ()), written, digest
+
+
 def read_own(file: Path) -> ExperimentRecord:
     """Read a recording of ours, finished or not; `read_record` bounds what that costs.
 
@@ -261,15 +278,18 @@ def read_own(file: Path) -> ExperimentRecord:
         refused("the Parquet file is damaged or no Parquet"),
         parquet.ParquetFile(file, page_checksum_verification=True, pre_buffer=False) as source,
     ):
-        entries: dict[bytes, bytes] = source.schema_arrow.metadata or {}
-        if KEY not in entries:
-            raise RecordError("this Parquet file is not a dynid recording", next_step=_FOREIGN)
+        found, description, expected = described(source.metadata)
         table = source.read(use_threads=False)
         columns = {
             name: np.asarray(table.column(name).to_numpy(), dtype=np.float64)
             for name in table.column_names
         }
-        record = _whole(parse_json(entries[KEY].decode()), columns)
+        ordered, start = list(columns.values()), len(found.names) - len(found.channels)
+        if len(ordered) != len(found.names) or list(columns)[:start] != found.names[:start]:
+            raise RecordError("columns are missing", value=list(columns)[:40], limit=found.names)
+        if digest(description, ordered) != expected:
+            raise RecordError("the recording was changed or damaged after it was written")
+        record = found.record(ordered)
     waiting = partial_path(file)
     if not waiting.is_file():
         return record
@@ -280,22 +300,6 @@ def read_own(file: Path) -> ExperimentRecord:
         next_step=read_partial(waiting),
     )
     return replace(record, problems=(*record.problems, note))
-
-
-def _whole(description: dict[str, Any], columns: dict[str, Array]) -> ExperimentRecord:
-    """The recording of a whole file, none of whose numbers was changed."""
-    if (version := description.get("schema")) != VERSION:
-        raise RecordError(
-            "the recording was written by another version of dynid", value=version, limit=VERSION
-        )
-    found = Description.of(description, description.get("problems") or ())
-    ordered, start = list(columns.values()), len(found.names) - len(found.channels)
-    if len(ordered) != len(found.names) or list(columns)[:start] != found.names[:start]:
-        raise RecordError("columns are missing", value=list(columns)[:40], limit=found.names)
-    expected = str(description.pop("digest", ""))
-    if digest(description, ordered) != expected:
-        raise RecordError("the recording was changed or damaged after it was written")
-    return found.record(ordered)
 
 
 def fitted(record: ExperimentRecord, robot: RobotModel | None) -> ExperimentRecord:

@@ -17,17 +17,16 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Finding, InputError, RecordError, parse_json, require
+from dynid.core import Array, Finding, InputError, RecordError, require
 from dynid.recording.content import located, refused
 from dynid.recording.record import (
-    Description,
     ExperimentRecord,
     RecordMetadata,
     identity,
     of_robot,
     with_gains,
 )
-from dynid.recording.store import KEY, is_own
+from dynid.recording.store import KEY, described, is_own
 from dynid.robot import RobotModel
 
 _URL = re.compile(r"[a-z][a-z0-9+.-]+://", re.IGNORECASE)
@@ -223,13 +222,9 @@ def open_stored(
         RecordError: Missing, foreign, damaged, or of another robot.
     """
     file = Path(path)
-    parquet = importlib.import_module("pyarrow.parquet")
     with located(file.name), refused("the Parquet file is damaged or no dynid recording"):
-        footer = parquet.read_metadata(file)
-        entries: dict[bytes, bytes] = footer.metadata or {}
-        description: dict[str, Any] = parse_json(entries[KEY].decode())
-        found = Description.of(description, description["problems"])
-        digest = str(description["digest"])
+        footer, _ = _footer(file, file.stat().st_mtime_ns)
+        found, _, digest = described(footer)
         metadata, order, told = of_robot(found.metadata, found.joints, robot)
     return StoredRecording(
         path=file,
