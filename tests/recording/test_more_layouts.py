@@ -163,14 +163,11 @@ def test_cells_of_one_vector_a_joint(tmp_path: Path) -> None:
     assert_true(read_recording(tmp_path / "x.mat"))
 
 
-@pytest.mark.parametrize("orient", ["columns", "split"])
-def test_json_of_pandas(tmp_path: Path, orient: str) -> None:
+def test_json_of_pandas(tmp_path: Path) -> None:
     rows = TABLE.tolist()
-    content: Any = {"columns": HEADER, "index": list(range(len(rows))), "data": rows}
-    if orient == "columns":
-        content = {
-            name: {str(i): row[k] for i, row in enumerate(rows)} for k, name in enumerate(HEADER)
-        }
+    content = {
+        name: {str(i): row[k] for i, row in enumerate(rows)} for k, name in enumerate(HEADER)
+    }
     (tmp_path / "x.json").write_text(json.dumps(content))
     record = read_recording(tmp_path / "x.json")
     assert record.problems == ()

@@ -406,13 +406,6 @@ def test_runs_in_one_file_are_put_behind_each_other() -> None:
     np.testing.assert_array_equal(record.signals["q"][600:], raw().signals["q"][700:1400])
 
 
-def test_a_run_written_twice_counts_once() -> None:
-    record = run(runs_in_one(slice(0, 700), slice(0, 700)))
-    assert set(codes(record)) == {"clock_mismatch", "dropped_rows"}
-    assert record.samples == 700
-    assert record.duration_s == pytest.approx(699 * 0.008)
-
-
 def test_gaps_are_reported() -> None:
     table = raw()
     keep = ~np.isin(np.arange(1500), [300, 301, 302, 800])

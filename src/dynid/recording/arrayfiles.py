@@ -199,16 +199,8 @@ def _texts(value: Any) -> list[list[str]]:
 def _by_columns(item: dict[str, Any]) -> dict[str, Any]:
     """An object as it is, or a pandas table as one list a column.
 
-    `DataFrame.to_json` writes objects of rows by their numbers, or `columns` beside `data`.
+    `DataFrame.to_json` writes objects of rows by their numbers.
     """
-    names, rows = item.get("columns"), item.get("data")
-    if isinstance(names, list) and isinstance(rows, list):
-        listed, table = cast("list[Any]", names), cast("list[Any]", rows)
-        width = len(listed)
-        if table and all(
-            isinstance(row, list) and len(cast("list[Any]", row)) == width for row in table
-        ):
-            return {str(name): [row[k] for row in table] for k, name in enumerate(listed)}
     found: dict[str, Any] = {}
     for name, value in item.items():
         inner = cast("dict[str, Any]", value) if isinstance(value, dict) else {}
@@ -376,23 +368,18 @@ def read_mat(files: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     contents = _Contents()
     damaged, cut = _variables(data, order, contents)
     harm = "; ".join(damaged[:3]) or ("it is cut off" if cut else "")
-    if not contents.arrays:
-        raise RecordError(
-            "there are no arrays of numbers",
-            value=harm or None,
-            next_step=_PLAIN if contents.objects else _SAVE,
-        )
     try:
         table = table_of(contents.arrays, options, contents.names)
     except RecordError as error:
-        if not harm and not contents.objects:
-            raise
-        what, value, step = "the MATLAB file is damaged", f"{harm}; {error}", _SAVE
-        if not harm:
+        if harm:
+            what = "the MATLAB file is damaged"
+            raise RecordError(what, value=f"{harm}; {error}", next_step=_SAVE) from error
+        if contents.objects:
             objects = f"{contents.objects} variables are timeseries or tables"
-            what, value = f"{error.what}; {objects}, which only MATLAB can read", error.value
+            what = f"{error.what}; {objects}, which only MATLAB can read"
             step = f"{error.next_step or ''} {_PLAIN}".lstrip()
-        raise RecordError(what, value=value, next_step=step) from error
+            raise error.changed(what=what, next_step=step) from error
+        raise
     if cut:
         table = table.report("truncated_file", f"{path.name} is cut off: what precedes is taken")
     if damaged:

@@ -203,10 +203,7 @@ _COARSE = 0.1
 
 
 def join_runs(table: RawTable) -> RawTable:
-    """Put runs behind each other where time starts anew.
-
-    A run that is there twice, number by number, is left out.
-    """
+    """Put runs behind each other where time starts anew."""
     t = table.stamps
     steps = np.diff(t)
     nominal = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
@@ -216,28 +213,16 @@ def join_runs(table: RawTable) -> RawTable:
     ends = np.array([*starts[1:], len(t)])
     if not 1 < len(starts) <= _MOST_RUNS or not _are_runs(t, starts, ends, nominal):
         return table
-    q = table.signals["q"]
-    kept = np.ones(len(t), dtype=np.bool_)
     joined, counted = t.copy(), table.index.copy()
-    last = float(t[ends[0] - 1])
-    for number in range(1, len(starts)):
-        rows = slice(int(starts[number]), int(ends[number]))
-        for other in range(number):
-            before = slice(int(starts[other]), int(ends[other]))
-            if np.array_equal(q[rows], q[before]) and np.array_equal(t[rows], t[before]):
-                kept[rows] = False
-        if not kept[rows.start]:
-            continue
-        joined[rows] = t[rows] - float(t[rows.start]) + last + _GAP_STEPS * nominal
-        last = float(joined[rows.stop - 1])
-        counted[rows.start :] += _GAP_STEPS
+    for start, end in zip(starts[1:].tolist(), ends[1:].tolist(), strict=True):
+        joined[start:end] += float(joined[start - 1] - t[start]) + _GAP_STEPS * nominal
+        counted[start:] += _GAP_STEPS
     where = ", ".join(table.row(int(row)) for row in starts[1:6])
-    table = replace(table, t=joined, index=counted).report(
+    return replace(table, t=joined, index=counted).report(
         "clock_mismatch",
         f"time starts anew at {where}: {len(starts)} runs in one file, put behind each other "
         f"with a pause of {_GAP_STEPS} steps",
     )
-    return table.leave_out(~kept, "are of runs written twice", "dropped_rows")
 
 
 def _are_runs(t: Array, starts: Rows, ends: Rows, nominal: float) -> bool:
