@@ -136,6 +136,33 @@ def test_joints_beyond_the_robots_are_left_out(tmp_path: Path) -> None:
     assert "qd" not in record.signals
 
 
+def test_velocities_of_another_length_than_the_names_are_left_out(tmp_path: Path) -> None:
+    motion = Motion()
+    q, qd, c = (of(motion.t) for of in (motion.position, motion.velocity, motion.current))
+    stamps = [int(s * 1e9) for s in motion.t]
+    stream = [(s, joint_state(s, UR_JOINTS, q[k], qd[k, :3], c[k])) for k, s in enumerate(stamps)]
+    record = read_recording(write_db3(motion, tmp_path / "bag.db3", stream))
+    assert record.problems == ()
+    assert set(record.signals) == {"q", "effort"}
+    np.testing.assert_array_equal(record.signals["effort"], c)
+
+
+def test_joints_that_are_called_as_units(tmp_path: Path) -> None:
+    motion, names = Motion(), ("x", "y", "z", "a", "b", "c")
+    q, c = motion.position(motion.t), motion.current(motion.t)
+    stream: list[tuple[int, bytes]] = []
+    for k, s in enumerate(motion.t):
+        # Every other message names them in another order.
+        turn = slice(None, None, -1 if k % 2 else 1)
+        stamp = int(s * 1e9)
+        stream.append((stamp, joint_state(stamp, names[turn], q[k, turn], [], c[k, turn])))
+    record = read_recording(write_db3(motion, tmp_path / "bag.db3", stream))
+    assert record.problems == ()
+    place = [names.index(name) for name in record.metadata.joint_names]
+    np.testing.assert_array_equal(record.signals["q"], q[:, place])
+    np.testing.assert_array_equal(record.signals["effort"], c[:, place])
+
+
 def test_prefixed_names_are_matched(tmp_path: Path) -> None:
     motion = Motion()
     t = motion.t

@@ -370,7 +370,7 @@ def test_every_cut_message_is_refused(encoding: str) -> None:
     data = bytes(write(message, "x_msgs/msg/State"))
     decoder = MessageDecoder(Topic(name="/x", kind=kind, encoding=encoding, definition=definition))
     decoded = decoder.decode(data)
-    assert decoded.names() == ("q[a]", "q[bcd]", "last")
+    assert decoded.names() == ("q['a']", "q[bcd]", "last")
     assert decoded.values == [1.5, 2.5, 4.5]
     for length in range(len(data)):
         with pytest.raises(MessageError):

@@ -110,7 +110,7 @@ def _positions(names: Sequence[str]) -> int:
 
 def _joint(name: str) -> str:
     """The joint in the name of a number; empty for none."""
-    inside = name.rpartition("[")[2].rstrip("]") if name.endswith("]") else ""
+    inside = name.rpartition("[")[2].strip("]'") if name.endswith("]") else ""
     return "" if inside.isdecimal() else inside
 
 
@@ -260,6 +260,9 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             raise RecordError(f"no message of {chosen.name} can be decoded", value=said)
         order = [name for name in options.joint_order or () if not name.isdecimal()]
         names = collector.usual_names(len(joints), order)
+        if any(map(_joint, names)):
+            # An array that is not as long as the names says nothing of the joints.
+            names = tuple(name if _joint(name) else "" for name in names)
     else:
         asked = [known[topic]] if topic is not None else list(others.values())
         chosen, names = _choose_by_fields(paths, asked, joints, given=topic is not None)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from dynid.core import Array, require
 from dynid.recording.bagfiles import Topic
+from dynid.recording.cells import is_unit
 from dynid.recording.content import ZSTD_MAGIC, inflate
 
 _LONGEST_DEFINITION = 1 << 18
@@ -59,12 +60,19 @@ class Decoded:
             place = re.search(r"\[(\d+)\]$", stem)
             if last == "values" and place and int(place[1]) < len(outer) and len(own) == size:
                 # `DynamicJointState`: a list of interfaces for each joint.
-                names += [f"{item}[{outer[int(place[1])]}]" for item in own]
+                names += [_named(item, outer[int(place[1])]) for item in own]
             elif size < 0:
                 names.append(path)
+            elif listed := _joints_beside(texts, stem, size):
+                names += [_named(path, joint) for joint in listed]
             else:
-                names += [f"{path}[{k}]" for k in _joints_beside(texts, stem, size) or range(size)]
+                names += [f"{path}[{k}]" for k in range(size)]
         return tuple(names)
+
+
+def _named(path: str, joint: str) -> str:
+    """The name of a joint's number; joints may be called as units, as `a` and `c` of a gantry."""
+    return f"{path}['{joint}']" if is_unit(joint) else f"{path}[{joint}]"
 
 
 def _joints_beside(texts: Mapping[str, tuple[str, ...]], scope: str, size: int) -> tuple[str, ...]:

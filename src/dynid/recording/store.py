@@ -261,8 +261,8 @@ def described(footer: Any) -> tuple[Description, dict[str, Any], str]:
         raise RecordError(
             "the recording was written by another version of dynid", value=version, limit=VERSION
         )
-    digest = str(written.pop("digest", ""))
-    return Description.of(written, written.get("problems") or ()), written, digest
+    expected = str(written.pop("digest", ""))
+    return Description.of(written, written.get("problems") or ()), written, expected
 
 
 def read_own(file: Path) -> ExperimentRecord:
