@@ -171,12 +171,8 @@ def _stretches(x: Array, ticks: Array, longest: int) -> tuple[list[tuple[int, in
     # Positions that are renewed every tenth row stand still on most rows.
     moved = steps[steps > 0]
     moved = moved if len(moved) > _RENEWED * len(steps) else steps
-    ordinary, usual = (float(value) for value in np.quantile(moved, [0.9, 0.99]))
-    edges = np.pad(steps, 1)
-    # In a short recording a few jumps are more than one per cent of the steps: there they
-    # must stand alone, as no motion does.
-    lonely = (steps > 10 * np.maximum(edges[:-2], edges[2:])) & (steps > 10 * ordinary)
-    large = (steps > max(6 * usual, 0.01)) | (lonely & (steps > 0.03))
+    usual = float(np.quantile(moved, 0.99))
+    large = steps > max(6 * usual, 0.01)
     usual = float(np.quantile(steps[~large], 0.99)) if (~large).any() else usual
     jumps = np.flatnonzero(large).tolist()
     if not jumps or len(jumps) > _MOST_JUMPS:

@@ -12,7 +12,6 @@ _SHARE = 0.05
 _ROUGH = 0.005
 """Torques that stand out on more rows than this are rough by nature."""
 _MOST_CANDIDATES = 0.15
-_NOTHING = 1e-30
 _SMOOTH = 0.2
 _BLOCK = 64
 # How far above the local noise a sample must stand, and the least height that counts, as a
@@ -98,9 +97,7 @@ def _find_spikes(t: Array, x: Array, bar: float, share: float, least: float) -> 
         by_time, by_row = (_off_the_curve(base, x_kept, width) for base in bases)
         off = np.minimum(np.abs(by_time), np.abs(by_row))
         noise = 1.4826 * _local_median(off)
-        # Nothing measured is zero by chance so often as by damage.
-        bound = np.maximum(np.where(np.abs(x_kept) < _NOTHING, bar / 3, bar) * noise, floor)
-        candidates = np.flatnonzero(off > bound)
+        candidates = np.flatnonzero(off > np.maximum(bar * noise, floor))
         if len(candidates) > _MOST_CANDIDATES * len(x):
             return np.zeros(len(x))
         for block, height in _confirmed(bases, x_kept, candidates, off, width):
