@@ -1,7 +1,10 @@
 from __future__ import annotations
 
+import os
 import shutil
 import sqlite3
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +60,29 @@ def test_mcap(tmp_path: Path, compression) -> None:
     assert record.metadata.format == "mcap"
     assert record.problems == ()
     assert_true_to(record, motion)
+
+
+def test_what_a_library_did_is_told(tmp_path: Path) -> None:
+    """As of a version that takes other arguments: no damage, and no lack of memory."""
+    library = tmp_path / "mcap"
+    library.mkdir()
+    for name, text in (
+        ("__init__", ""),
+        ("exceptions", "class McapError(Exception): ..."),
+        ("stream_reader", "def StreamReader(stream): ..."),
+    ):
+        (library / f"{name}.py").write_text(text)
+    path = write_mcap(Motion(), tmp_path / "x.mcap")
+    done = subprocess.run(
+        [sys.executable, "-m", "dynid", "import", path, "-o", tmp_path / "x.parquet"],
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert "x.mcap" in done.stderr
+    assert "TypeError: StreamReader()" in done.stderr
 
 
 def test_mcap_written_by_its_own_library(tmp_path: Path) -> None:

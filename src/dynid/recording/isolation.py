@@ -52,6 +52,7 @@ _TICKS = 1.5
 """The limit of the kernel's own, rougher count."""
 _ARRAYS = ("rows", "t", "reported")
 _SMALLER = "Save only the signals of the joints, or split the recording into shorter ones."
+_REPORT = "Try another export of it; if that fails too, report this with the file."
 
 
 class _Worker:
@@ -166,18 +167,24 @@ def serve(read: Reader) -> None:
         budget = Budget(**request["budget"])
         tempfile.tempdir = request["folder"]
         _limit(budget)
+        files = [Path(file) for file in request["files"]]
         clock.until_s = time.process_time() + budget.cpu_s
         try:
             given: dict[str, Any] = request["options"]
             for name in ("joints", "joint_order"):
                 given[name] = given[name] and tuple(given[name])
-            files = [Path(file) for file in request["files"]]
             _send(read(files, ReadOptions(**given), budget), answers)
         except DynidError as error:
             _refuse(error, answers)
         except MemoryError:
             # The parent tells of a process that ended without an answer.
             return
+        except Exception as error:
+            # What a library makes of damage is not known, nor what it changes with its version.
+            what = "the file is damaged, or dynid or a library has a bug"
+            said = f"{type(error).__name__}: {error}"
+            names = ", ".join(file.name for file in files)
+            _refuse(RecordError(what, where=names, value=said, next_step=_REPORT), answers)
         finally:
             clock.until_s = math.inf
 
