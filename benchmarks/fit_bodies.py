@@ -49,7 +49,7 @@ def _number(text: str, key: str) -> float:
 
 
 def _turn(axes: str, *angles: float) -> np.ndarray:
-    return Rotation.from_euler(axes, angles).as_matrix()
+    return Rotation.from_euler(axes, angles).as_matrix().reshape(3, 3)
 
 
 def link_meshes(robot: str, meshes: Path = MESHES) -> list[np.ndarray]:
@@ -71,7 +71,7 @@ def link_meshes(robot: str, meshes: Path = MESHES) -> list[np.ndarray]:
         (offsets[1], np.eye(3)),
         (offsets[2], lying),
     ]
-    row = np.dtype([("normal", "<3f4"), ("corners", "<9f4"), ("attribute", "<u2")])
+    row = np.dtype([("normal", "<f4", 3), ("corners", "<f4", 9), ("attribute", "<u2")])
     found = []
     for file, (height, turn) in zip(
         re.findall(r"path: (meshes/\S+\.stl)", visual), places, strict=True
