@@ -27,6 +27,8 @@ EXTRAS = {
 }
 """Every extra, and the module that it is for."""
 EXTRA_MODULES = (*EXTRAS.values(), "rtde_receive", "backports.zstd")
+BUILT_WITHOUT = ("bz2", "_bz2", "lzma", "_lzma", "sqlite3", "_sqlite3")
+"""What pyenv's Python lacks on a machine without the libraries."""
 
 
 def without(
@@ -68,12 +70,21 @@ JOBS = {
     "fleet memory://recordings -o out": "objects",
 }
 """Command to the extra that it needs."""
+PYTHONS = {
+    "import a.csv.bz2 -o a.parquet --robot ur5": "bz2",
+    "import a.csv.xz -o a.parquet --robot ur5": "lzma",
+    "import a.db3 -o a.parquet --robot ur5": "sqlite3",
+}
+"""Command to the module of Python that it needs."""
 ANALYZE = "analyze ur5 --json"
 """A command that needs none."""
 FILES = {
     "a.h5": b"\x89HDF\r\n\x1a\n" + bytes(64),
     "a.xlsx": b"PK\x03\x04" + bytes(64),
     "a.csv.zst": b"\x28\xb5\x2f\xfd" + bytes(64),
+    "a.csv.bz2": b"BZh9" + bytes(64),
+    "a.csv.xz": b"\xfd7zXZ\x00" + bytes(64),
+    "a.db3": b"SQLite format 3\x00" + bytes(84),
 }
 ONE_AFTER_THE_OTHER = """
 import contextlib, io, json, os, sys
@@ -94,21 +105,21 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Any]]:
     folder = tmp_path_factory.mktemp("jobs")
     for name, content in FILES.items():
         (folder / name).write_bytes(content)
-    words = ("-c", ONE_AFTER_THE_OTHER, json.dumps([*JOBS, ANALYZE]))
-    done = without(EXTRA_MODULES, folder, *words, module=False)
+    jobs = [*JOBS, *PYTHONS, ANALYZE]
+    words = ("-c", ONE_AFTER_THE_OTHER, json.dumps(jobs))
+    done = without((*EXTRA_MODULES, *BUILT_WITHOUT), folder, *words, module=False)
     assert done.returncode == 0, done.stderr
-    return dict(zip([*JOBS, ANALYZE], json.loads(done.stdout), strict=True))
+    return dict(zip(jobs, json.loads(done.stdout), strict=True))
 
 
-@pytest.mark.parametrize("job", JOBS)
-def test_a_job_says_which_extra_it_needs_and_leaves_nothing(
-    job: str, said: dict[str, list[Any]]
-) -> None:
+@pytest.mark.parametrize("job", JOBS | PYTHONS)
+def test_a_job_says_what_it_needs_and_leaves_nothing(job: str, said: dict[str, list[Any]]) -> None:
     code, out, err, files = said[job]
     assert code == 2, err
     assert err.count("\n") == 1
     assert err.startswith("dynid: ")
-    assert f"pip install 'dynid[{JOBS[job]}]'" in err
+    needed = f"pip install 'dynid[{JOBS[job]}]'" if job in JOBS else f"'{PYTHONS[job]}'"
+    assert needed in err
     assert out == ""
     assert files == sorted(FILES)
 

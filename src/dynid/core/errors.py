@@ -211,15 +211,21 @@ def installed(module: str) -> bool:
     return importlib.util.find_spec(module) is not None
 
 
-def require(module: str, extra: str) -> ModuleType:
-    """Import an optional module by its dotted name.
+def require(module: str, extra: str = "") -> ModuleType:
+    """Import an optional module by its dotted name: of an extra, or of Python's own.
 
     Raises:
-        MissingExtraError: It is not installed; the message names the dynid extra to install.
+        MissingExtraError: It is not installed, and the dynid extra to install; or Python was built
+            without it, as pyenv does where a library of the system is absent.
     """
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
+        if not extra:
+            raise MissingExtraError(
+                f"this Python was built without its module '{module}'",
+                next_step="Use another Python, or build this one again with the library of it.",
+            ) from error
         raise MissingExtraError(
             f"this needs the package '{module.split('.', 1)[0]}'",
             next_step=f"Run: pip install 'dynid[{extra}]'",

@@ -8,17 +8,20 @@ recording give their messages here.
 import io
 import operator
 import shutil
-import sqlite3
 import struct
 import tempfile
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from dynid.core import Finding, RecordError, require
 from dynid.recording.content import MAX_BYTES, InflateError, inflate, refused
+
+if TYPE_CHECKING:
+    # Python can be built without it.
+    import sqlite3
 
 DEFINITION_LANGUAGES = ("ros1msg", "ros2msg", "ros2idl")
 JOINT_STATE_TYPES = frozenset({"sensor_msgs/msg/JointState", "sensor_msgs/JointState"})
@@ -93,12 +96,12 @@ def db3_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
                 for row_id, topic_id, stamp, data in database.execute(query, (last,)):
                     # A page that was cut off reads as zeros: its rows go back to id 0.
                     if row_id <= last:
-                        raise sqlite3.DatabaseError("ids do not rise")
+                        raise database.DatabaseError("ids do not rise")
                     last, step = row_id, 1
                     if isinstance(stamp, int) and isinstance(data, bytes):
                         yield topics[topic_id], stamp, data
                 break
-            except (sqlite3.Error, OverflowError):
+            except (database.Error, OverflowError):
                 # A damaged page hides some rows; those after it can often still be read.
                 resumes += 1
                 if resumes > _MOST_RESUMES or step > 1 << 24:
@@ -111,7 +114,7 @@ def db3_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
             )
 
 
-def _topics(database: sqlite3.Connection, path: Path, catalog: Catalog) -> dict[int, str]:
+def _topics(database: "sqlite3.Connection", path: Path, catalog: Catalog) -> dict[int, str]:
     """Number to name of each topic that is wanted."""
     with refused("this is no readable ROS 2 bag", _NO_BAG):
         for table in ("topics", "messages", "message_definitions"):
@@ -129,7 +132,7 @@ def _topics(database: sqlite3.Connection, path: Path, catalog: Catalog) -> dict[
     return wanted
 
 
-def _require_table(database: sqlite3.Connection, name: str, path: Path) -> None:
+def _require_table(database: "sqlite3.Connection", name: str, path: Path) -> None:
     """Refuse a view, a virtual table or computed columns: reading them runs what they say.
 
     Raises:
@@ -147,10 +150,10 @@ def _require_table(database: sqlite3.Connection, name: str, path: Path) -> None:
             )
 
 
-def _definitions(database: sqlite3.Connection) -> dict[str, tuple[str, str]]:
+def _definitions(database: "sqlite3.Connection") -> dict[str, tuple[str, str]]:
     """Type to language and text of its definition; bags before ROS 2 Iron have none."""
     query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
-    with suppress(sqlite3.Error, OverflowError):
+    with suppress(database.Error, OverflowError):
         rows = database.execute(query).fetchall()
         return {
             str(kind): (str(language), str(text))
@@ -161,8 +164,9 @@ def _definitions(database: sqlite3.Connection) -> dict[str, tuple[str, str]]:
 
 
 @contextmanager
-def _connection(path: Path) -> Generator[sqlite3.Connection]:
+def _connection(path: Path) -> "Generator[sqlite3.Connection]":
     """The database, opened so that neither it nor its folder is written to."""
+    sqlite: Any = require("sqlite3")
     log = path.with_name(path.name + "-wal")
     with tempfile.TemporaryDirectory(prefix="dynid-") as folder:
         with refused("the bag cannot be opened"):
@@ -173,13 +177,13 @@ def _connection(path: Path) -> Generator[sqlite3.Connection]:
                 shutil.copyfile(path, copy)
                 shutil.copyfile(log, Path(folder) / "bag.db3-wal")
                 uri = copy.as_uri()
-            database = sqlite3.connect(uri, uri=True)
+            database: sqlite3.Connection = sqlite.connect(uri, uri=True)
         with closing(database):
             # Damaged text must not raise in the middle of a row.
-            database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LARGEST_MESSAGE)
+            database.setlimit(sqlite.SQLITE_LIMIT_LENGTH, _LARGEST_MESSAGE)
             database.text_factory = lambda raw: raw.decode(errors="replace")  # pyright: ignore[reportUnknownLambdaType, reportUnknownMemberType]
             # Only so does SQLite open a file that is shorter than its header says.
-            with suppress(sqlite3.Error):
+            with suppress(database.Error):
                 database.execute("PRAGMA writable_schema=ON")
             yield database
 

@@ -5,7 +5,6 @@ may claim anything: it gets a fixed budget. What a larger file needs grows with 
 long recordings have no bound of their own.
 """
 
-import bz2
 import importlib
 import shutil
 from collections.abc import Generator, Sequence
@@ -103,7 +102,7 @@ def inflate(data: bytes, method: str, size: int | None = None) -> bytes:
         frame = require("lz4.frame", "ros")
         result = _stream(frame.LZ4FrameDecompressor(), data, limit)
     elif method == "bz2":
-        result = _stream(bz2.BZ2Decompressor(), data, limit)
+        result = _stream(require("bz2").BZ2Decompressor(), data, limit)
     else:
         raise InflateError(f"unknown compression {method[:20]!r}")
     if size is not None and len(result) != size:

@@ -1,8 +1,5 @@
 """What a file is: by its first bytes; and what is packed in it."""
 
-import bz2
-import gzip
-import lzma
 import re
 import tempfile
 import zipfile
@@ -149,11 +146,11 @@ _ENCRYPTED = 1
 """Flag of a member of a zip archive."""
 
 
-def _opened(file: Path, kind: str) -> IO[bytes] | gzip.GzipFile:
+def _opened(file: Path, kind: str) -> IO[bytes]:
     if kind == "zstd":
         return zstd_module().open(file, "rb")
     if kind != "zip":
-        return {"gzip": gzip.open, "bzip2": bz2.open, "xz": lzma.open}[kind](file)
+        return require({"gzip": "gzip", "bzip2": "bz2", "xz": "lzma"}[kind]).open(file)
     archive = zipfile.ZipFile(file)
     # macOS adds a folder of its own notes on each file.
     mac = "__MACOSX/"
