@@ -9,7 +9,7 @@ COMPILED := $(VENV)/.compiled
 USER := $(VENV)/.user-installed
 DEV := $(VENV)/.dev-installed
 PYTHON ?= $(shell for p in python3.12 python3.11 python3.13 python3; do \
-	$$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null \
+	$$p -c 'import ensurepip, sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null \
 	&& echo $$p && break; done)
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 # Where the environment says no, every worker, command and controller of the tests would compile all
@@ -17,6 +17,8 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 export PYTHONDONTWRITEBYTECODE :=
 PATHS := src tests urtwin docs benchmarks examples README.md CHANGELOG.md CONTRIBUTING.md
 
+# What failed halfway is made again, as an environment without pip.
+.DELETE_ON_ERROR:
 .PHONY: install develop prepared chromium demo test lint types floors share-1 share-2 share-3 realtime bench proof rivals site readme clean
 
 install:
@@ -25,7 +27,7 @@ install:
 develop: $(DEV) $(COMPILED)
 
 $(BIN)/python:
-	@test -n "$(PYTHON)" || { echo "dynid needs Python 3.11 to 3.13; name one: make PYTHON=/path/to/python" >&2; exit 1; }
+	@test -n "$(PYTHON)" || { echo "dynid needs Python 3.11 to 3.13 with venv (Debian: python3-venv); name one: make PYTHON=/path/to/python" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
 # Python compiles only what is imported, when it is: 15 s of CPU less for users and developers each.
