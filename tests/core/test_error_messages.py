@@ -88,6 +88,15 @@ def test_a_missing_extra_names_the_package_and_the_command() -> None:
     assert require("json.decoder", "sim").JSONDecoder
 
 
+def test_a_library_that_cannot_be_imported_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "dynid_broken.py").write_text("raise RuntimeError('another NumPy')")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(MissingExtraError, match=r"dynid_broken.*RuntimeError: another NumPy"):
+        require("dynid_broken", "sim")
+
+
 @pytest.mark.parametrize("limit", ["best, paper", ("best", "paper"), ["paper", "best"]])
 def test_a_refused_word_gets_the_closest_allowed_one(limit: object) -> None:
     assert InputError("unknown", value="bset", limit=limit).next_step == "Did you mean best?"

@@ -230,6 +230,13 @@ def require(module: str, extra: str = "") -> ModuleType:
             f"this needs the package '{module.split('.', 1)[0]}'",
             next_step=f"Run: pip install 'dynid[{extra}]'",
         ) from error
+    except Exception as error:
+        # As for another NumPy than it was built for, or MUJOCO_GL without such a library.
+        raise MissingExtraError(
+            f"the package '{module.split('.', 1)[0]}' is installed, but its import fails",
+            value=f"{type(error).__name__}: {error}",
+            next_step=f"Mend what it names, or run: pip install --force-reinstall 'dynid[{extra}]'",
+        ) from error
 
 
 _WORDS = {NoneType: "None", int: "a whole number, 0 or more", float: "a number"}
