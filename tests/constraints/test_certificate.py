@@ -254,6 +254,19 @@ def test_one_broken_limit_is_named(kind: str) -> None:
         assert after.to_json()["margins"][kind] < 0
 
 
+def test_an_infinite_torque_limit_is_unknown_and_tells_nothing_of_friction() -> None:
+    robot = random_arm(3, 5, slides=False)
+    robot = replace(robot, bodies=(), safety=replace(robot.safety, power=500.0))
+    certificates = []
+    for limit in (np.inf, np.nan):
+        limits = replace(robot.limits, torque=[50.0, limit, 50.0])
+        judge = safe_constraints(replace(robot, limits=limits), collision=False)
+        certificates.append(certify(small(robot, 1, 0.1), judge))
+    assert certificates[0].margins == certificates[1].margins
+    assert certificates[0].unjudged == certificates[1].unjudged
+    assert [item.kind for item in certificates[0].unjudged] == ["torque"]
+
+
 @pytest.mark.parametrize("free", [0.0, 0.25])
 def test_limits_and_values_are_those_of_the_robot_whatever_is_kept_free(free: float) -> None:
     robot = random_arm(4, 5)

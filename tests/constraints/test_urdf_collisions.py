@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from chains_for_constraints import random_arm
 
 import dynid
 from dynid.constraints import certify, safe_constraints
@@ -171,6 +172,17 @@ def test_causes_are_those_of_each_kind_and_notes_of_the_robot_are_none() -> None
     (cause,) = next(item.causes for item in bare.unjudged if item.kind == "self_collision")
     assert cause.startswith("no bodies are known of the robot")
     assert "an axis made a unit axis" in bare.notes
+
+
+@pytest.mark.parametrize("floor", ["none", -4.0])
+def test_pairs_that_are_left_out_are_told_where_no_other_is_left(floor: float | str) -> None:
+    arm = random_arm(2, 5, slides=False)
+    wide = tuple(Body(name=f"b{k}", link=k, points=np.zeros((1, 3)), radius=0.3) for k in range(3))
+    judge = safe_constraints(replace(arm, bodies=wide), floor=floor)
+    assert judge.surroundings is None
+    (item,) = judge.unjudged
+    assert item.kind == "self_collision"
+    assert item.causes == ("b0 and b2 are not judged: their bodies are too close in 100% of poses",)
 
 
 def test_what_a_robot_says_of_its_bodies_is_passed_on() -> None:

@@ -173,7 +173,7 @@ def prior_dynamics(robot: RobotModel) -> PriorDynamics | None:
     frames = robot.parameter_frames[model.frames]
     placed = [move(row, inverse(frame)) for row, frame in zip(links, frames, strict=True)]
     # Without a torque limit nothing tells how large a joint is; nothing is judged there either.
-    size = np.nan_to_num(robot.limits.torque)
+    size = np.nan_to_num(robot.limits.torque, posinf=0.0)
     parameters = np.zeros(len(model.columns))
     parameters[: 10 * robot.joints] = np.concatenate(placed)
     for k, column in enumerate(model.columns[10 * robot.joints :], start=10 * robot.joints):

@@ -148,7 +148,7 @@ class Surroundings:
 def surroundings_of(
     robot: RobotModel, settings: ConstraintSettings, notes: list[str]
 ) -> Surroundings | None:
-    """The bodies, and the names of their pairs; None where nothing is to be judged.
+    """The bodies, and the names of their pairs; None where no bodies move.
 
     Neighbouring links are not judged, nor is the base against the scene it stands on; what the
     flange carries is judged against every other link. A pair of near links is left out where
@@ -214,12 +214,9 @@ def surroundings_of(
             names=tuple(f"{names[b]} - {names[a]}" for a, b in around),
         ),
     }
-    pairs = {kind: found for kind, found in pairs.items() if found.names}
-    if not pairs:
-        return None
     return Surroundings(
         bodies=bodies,
-        pairs=pairs,
+        pairs={kind: found for kind, found in pairs.items() if found.names},
         far=out,
         lacking={"self_collision": (*bare, *left_out), "environment": bare},
     )

@@ -223,7 +223,7 @@ class MotionConstraints:
 def _surroundings(
     robot: RobotModel, settings: ConstraintSettings, notes: list[str], unjudged: list[Unjudged]
 ) -> Surroundings | None:
-    """The bodies to judge, the floor and the tool among them."""
+    """The bodies to judge, the floor and the tool among them; None where no pair is judged."""
     turned = () if stands(robot) else own_floors(settings.scene)
     notes += [
         f"'{name}' is parallel to the mounting plane, it is not horizontal" for name in turned
@@ -266,7 +266,7 @@ def _surroundings(
         causes = not_held(robot) if found is None else found.lacking[kind]
         if on and causes:
             unjudged.append(Unjudged(kind=kind, causes=causes, next_step=GIVE_SHAPES))
-    return found
+    return found if found is not None and found.pairs else None
 
 
 def _loaded(robot: RobotModel) -> RobotModel:
@@ -284,7 +284,7 @@ def _torque_judge(
     share = 1.0 - settings.margin
     limits = share * robot.limits.torque if settings.torque else np.full(robot.joints, np.nan)
     power = share * robot.safety.power if settings.power else math.nan
-    unknown = np.isnan(robot.limits.torque)
+    unknown = ~np.isfinite(robot.limits.torque)
     if settings.torque and unknown.any():
         unjudged.append(unknown_limit(robot, "torque", unknown))
     if np.isnan(limits).all() and math.isnan(power):
