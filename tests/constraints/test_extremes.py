@@ -21,6 +21,7 @@ from dynid.trajectory import (
     Quintic,
     Repetition,
     Trajectory,
+    ur_program,
 )
 
 FINE = 200_001
@@ -102,6 +103,31 @@ class Foreign(Trajectory):
 
     def evaluate(self, t: ArrayLike) -> JointMotion:
         return self.hidden.evaluate(t)
+
+
+class Detour(Quintic):
+    """Another way between the poses of a quintic."""
+
+    def profile(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        sine, cosine = np.sin(np.pi * s), np.cos(np.pi * s)
+        place, speed, push = super().profile(s)
+        bend = 12 * sine**2 * cosine**2 - 4 * sine**4
+        return (
+            place + 0.9 * sine**4,
+            speed + 3.6 * np.pi * sine**3 * cosine,
+            push + 0.9 * np.pi**2 * bend,
+        )
+
+
+def test_a_class_that_builds_on_a_known_one_is_bounded_by_its_own_samples() -> None:
+    motion = Detour(start=np.zeros(6), goal=np.ones(6), travel_time=6.0)
+    found, dense = extremes(motion), motion.evaluate(np.linspace(0.0, 6.0, FINE // 10))
+    assert not found.proven
+    assert (found.upper >= dense.q.max(axis=0)).all()
+    assert (found.velocity >= np.abs(dense.dq).max(axis=0)).all()
+    assert (found.acceleration >= np.abs(dense.ddq).max(axis=0)).all()
+    with pytest.raises(InputError, match="no formula"):
+        ur_program(motion)
 
 
 @pytest.mark.parametrize("kind", ["fourier", "bspline"])

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -47,6 +49,13 @@ def test_stands_still_outside() -> None:
 
 def test_no_way_takes_the_shortest_time() -> None:
     assert rest_to_rest([1.0, 1.0], [1.0, 1.0], LIMITS).duration == 0.1
+
+
+def test_joints_that_turn_without_end_are_limited_by_speed_alone() -> None:
+    endless = replace(LIMITS, lower=[-np.inf, -np.inf], upper=[np.inf, np.inf])
+    assert rest_to_rest([0.0, 0.0], [1.0, 1.0], endless) == rest_to_rest(
+        [0.0, 0.0], [1.0, 1.0], LIMITS
+    )
 
 
 def test_refuses_what_cannot_be() -> None:

@@ -111,7 +111,7 @@ def extremes(trajectory: Trajectory) -> Extremes:
 
 
 def _of_leaf(trajectory: Trajectory) -> Extremes:
-    if isinstance(trajectory, FourierSeries):
+    if type(trajectory) is FourierSeries:
         return peaks(trajectory)
     try:
         parts = pieces(trajectory)

@@ -14,7 +14,7 @@ from dynid.constraints import MotionConstraints
 from dynid.core import Array, InputError, MotionBounds
 from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.problem import ExcitationProblem
-from dynid.trajectory import MotionFamily
+from dynid.trajectory import MotionFamily, require_inside
 
 POINTS_PER_NUMBER = 16
 """Grid points for each free number of a joint; for the Fourier series, 32 a harmonic."""
@@ -56,14 +56,7 @@ class MotionRegion:
             raise InputError("no limit bounds the motion", next_step="Give position limits.")
         self.pose = pose
         if pose is not None:
-            outside = np.abs(pose - middle) >= self.reach[0]
-            if outside.any():
-                joint = int(np.argmax(outside))
-                raise InputError(
-                    f"joint {joint + 1}: the start pose is outside the position limits",
-                    value=float(pose[joint]),
-                    limit=(float(bounds.lower[joint]), float(bounds.upper[joint])),
-                )
+            require_inside("start pose", pose, middle - self.reach[0], middle + self.reach[0])
 
     def slack(self, x: Array) -> Array:
         """(6, g, n) what is left to the upper and lower bounds of q, dq, ddq; negative outside."""

@@ -17,9 +17,10 @@ import numpy as np
 from dynid.core import Array, DynidError, Finding, InputError, Progress
 from dynid.drivers import Abort, Driver, Execution, Outcome, Recorder, WatchLimits
 from dynid.robot import RobotModel
-from dynid.trajectory import MotionSequence, Repetition, Trajectory
+from dynid.trajectory import MotionSequence, Repetition, Trajectory, require_share
 
 _CLOCKS = ("period", "travel_time")
+_SPEED = "the share of the speed"
 
 
 def slowed(motion: Trajectory, share: float) -> Trajectory:
@@ -30,7 +31,7 @@ def slowed(motion: Trajectory, share: float) -> Trajectory:
     Raises:
         InputError: A share out of range, or a motion without a period or travel time.
     """
-    check_share(share)
+    require_share(_SPEED, share)
     if share == 1.0:
         return motion
     if isinstance(motion, MotionSequence):
@@ -48,15 +49,9 @@ def whole_cycles_share(duration: float, share: float, rate_hz: float) -> float:
 
     The duration is that at full speed [s].
     """
-    check_share(share)
+    require_share(_SPEED, share)
     cycles = math.ceil(duration * rate_hz / share - 1e-6)
     return duration * rate_hz / cycles
-
-
-def check_share(share: float) -> None:
-    """Refuse what is no share of the full speed, in (0, 1]."""
-    if not 0.0 < share <= 1.0:
-        raise InputError("the share of the speed", value=share, limit="above 0, at most 1")
 
 
 DEVIATION = 0.1
@@ -107,7 +102,7 @@ class ExperimentPlan:
 
     def __post_init__(self) -> None:
         if self.slow is not None:
-            check_share(self.slow)
+            require_share(_SPEED, self.slow)
         if not (math.isfinite(self.warm_up_s) and self.warm_up_s >= 0):
             raise InputError("the time to warm up", value=self.warm_up_s, limit="0 s or more")
         cycles = self.trajectory.duration * self.rate_hz

@@ -17,6 +17,7 @@ from dynid.trajectory.fourier import ModifiedFourierFamily as ModifiedFourierFam
 from dynid.trajectory.fourier import harmonic_basis as harmonic_basis
 from dynid.trajectory.fourier import peaks as peaks
 from dynid.trajectory.fourier import random_excitation as random_excitation
+from dynid.trajectory.fourier import require_inside as require_inside
 from dynid.trajectory.fourier import rest_basis as rest_basis
 from dynid.trajectory.fourier import rest_series as rest_series
 from dynid.trajectory.fourier import usable_bounds as usable_bounds
@@ -37,6 +38,7 @@ from dynid.trajectory.trajectory import JointMotion as JointMotion
 from dynid.trajectory.trajectory import MotionFamily as MotionFamily
 from dynid.trajectory.trajectory import Trajectory as Trajectory
 from dynid.trajectory.trajectory import require_positive as require_positive
+from dynid.trajectory.trajectory import require_share as require_share
 from dynid.trajectory.trajectory import require_whole as require_whole
 from dynid.trajectory.urscript import Piece as Piece
 from dynid.trajectory.urscript import pieces as pieces

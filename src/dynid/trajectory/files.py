@@ -44,7 +44,7 @@ _DEEPEST = 8
 """Levels of sequences within sequences that a file may have."""
 
 
-_KINDS: dict[str, type[Trajectory]] = {
+KINDS: dict[str, type[Trajectory]] = {
     "fourier": FourierSeries,
     "fourier-quintic": FourierQuintic,
     "bspline": BSpline,
@@ -65,12 +65,12 @@ def trajectory_to_json(trajectory: Trajectory) -> dict[str, Any]:
     Raises:
         InputError: A trajectory of another kind.
     """
-    kind = next((name for name, made in _KINDS.items() if type(trajectory) is made), None)
+    kind = next((name for name, made in KINDS.items() if type(trajectory) is made), None)
     if kind is None:
         raise InputError(
             "no file form for this trajectory",
             value=type(trajectory).__name__,
-            limit=tuple(_KINDS),
+            limit=tuple(KINDS),
             next_step="Files and runs need one of these; dynid.check and dynid.simulate_recording "
             "take any trajectory beside a robot.",
         )
@@ -95,9 +95,9 @@ def trajectory_from_json(stored: JsonFields, *, depth: int = 0) -> Trajectory:
     if depth > _DEEPEST:
         raise InputError("sequences within sequences", value=depth, limit=_DEEPEST)
     kind = stored.text("type")
-    if kind not in _KINDS:
+    if kind not in KINDS:
         raise InputError(f"{stored.prefix}type is no kind of trajectory", value=kind)
-    made: Any = _KINDS[kind]
+    made: Any = KINDS[kind]
     return made(**{item.name: _read(stored, item.name, depth) for item in fields(made)})
 
 

@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, MotionBounds, Value, frozen, read_only
-from dynid.trajectory.trajectory import JointMotion, SeriesFamily, Trajectory, require_positive
+from dynid.trajectory.trajectory import (
+    JointMotion,
+    SeriesFamily,
+    Trajectory,
+    require_positive,
+    require_share,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -309,18 +315,6 @@ def require_inside(what: str, pose: Array, lower: Array, upper: Array) -> None:
         )
 
 
-def inner_range(bounds: MotionBounds, margin: float) -> tuple[Array, Array]:
-    """The position bounds (n) and (n), shrunk about their middle by the margin.
-
-    Raises:
-        InputError: A margin outside (0, 1].
-    """
-    if not 0.0 < margin <= 1.0:
-        raise InputError("margin", value=margin, limit="above 0, at most 1")
-    middle, half = (bounds.lower + bounds.upper) / 2, (bounds.upper - bounds.lower) / 2
-    return middle - margin * half, middle + margin * half
-
-
 def _ratio(room: Array, use: Array) -> Array:
     """`room / use`; infinite where nothing is used."""
     return np.divide(room, use, out=np.full(room.shape, np.inf), where=use > 0)
@@ -376,7 +370,9 @@ def random_excitation(
     given = np.zeros(bounds.joints) if offset is None else offset
     middle = frozen(given, shape=(bounds.joints,), name="offset")
     series = rest_series(period_s, middle, free)
-    lower, upper = inner_range(bounds, margin)
+    require_share("margin", margin)
+    centre, half = (bounds.lower + bounds.upper) / 2, (bounds.upper - bounds.lower) / 2
+    lower, upper = centre - margin * half, centre + margin * half
     peak = peaks(series)
     scale = np.minimum(
         _ratio(margin * bounds.velocity, peak.velocity),

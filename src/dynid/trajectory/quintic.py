@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, MotionBounds, Value, freeze, frozen, read_only, scipy_part
-from dynid.trajectory.fourier import (
-    coefficients,
-    harmonic_basis,
-    inner_range,
-    require_inside,
-    usable_bounds,
+from dynid.trajectory.fourier import coefficients, harmonic_basis, require_inside, usable_bounds
+from dynid.trajectory.trajectory import (
+    PoseFamily,
+    SeriesFamily,
+    StandingMotion,
+    require_positive,
+    require_share,
 )
-from dynid.trajectory.trajectory import PoseFamily, SeriesFamily, StandingMotion, require_positive
 
 STEP = read_only(np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]))
 """From 0 to 1 with no velocity and acceleration at either end."""
@@ -133,7 +133,7 @@ def rest_to_rest(
         name: frozen(value, shape=(bounds.joints,), name=name)
         for name, value in (("start", start), ("goal", goal))
     }
-    inner_range(bounds, margin)
+    require_share("margin", margin)
     for name, pose in poses.items():
         require_inside(f"{name} pose", pose, bounds.lower, bounds.upper)
     way = np.abs(poses["goal"] - poses["start"])

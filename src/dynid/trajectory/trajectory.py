@@ -55,6 +55,16 @@ def require_whole(what: str, value: int, least: int, most: float = math.inf) -> 
         raise InputError(f"{what}: a whole number", value=value, limit=f"{least} to {most:g}")
 
 
+def require_share(what: str, value: float) -> None:
+    """Refuse what is no share in (0, 1].
+
+    Raises:
+        InputError: It is none.
+    """
+    if not 0.0 < value <= 1.0:
+        raise InputError(what, value=value, limit="above 0, at most 1")
+
+
 class Trajectory(ABC):
     """A joint motion as a function of time."""
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, InputError, freeze, frozen
+from dynid.trajectory.files import KINDS
 from dynid.trajectory.fourier import FourierSeries, harmonic_basis
 from dynid.trajectory.points import MotionSequence, PointToPoint, Repetition
 from dynid.trajectory.quintic import STEP, BSpline, FourierQuintic, Quintic
@@ -56,21 +57,22 @@ def pieces(trajectory: Trajectory) -> tuple[Piece, ...]:
     Raises:
         InputError: A trajectory of a kind that is not of this package.
     """
-    match trajectory:
+    # A class of one's own that builds on one of these may move otherwise.
+    match trajectory if type(trajectory) in KINDS.values() else None:
         case FourierSeries(period=period, offset=offset, a=a, b=b):
             return (Piece(duration=period, polynomial=offset[:, None], a=a, b=b),)
-        case FourierQuintic(period=period, a=a, b=b):
-            return (Piece(duration=period, polynomial=trajectory.polynomial(), a=a, b=b),)
-        case Quintic():
-            way = np.outer(trajectory.goal - trajectory.start, STEP)
-            way[:, 0] = trajectory.start
-            return (_polynomial(trajectory.duration, way),)
-        case PointToPoint() | BSpline():
-            return tuple(_polynomial(*part) for part in trajectory.polynomials())
-        case MotionSequence():
-            return tuple(piece for part in trajectory.parts for piece in pieces(part))
-        case Repetition():
-            return trajectory.times * pieces(trajectory.part)
+        case FourierQuintic(period=period, a=a, b=b) as series:
+            return (Piece(duration=period, polynomial=series.polynomial(), a=a, b=b),)
+        case Quintic(start=start, goal=goal, travel_time=travel_time):
+            way = np.outer(goal - start, STEP)
+            way[:, 0] = start
+            return (_polynomial(travel_time, way),)
+        case PointToPoint() | BSpline() as curve:
+            return tuple(_polynomial(*part) for part in curve.polynomials())
+        case MotionSequence(parts=parts):
+            return tuple(piece for part in parts for piece in pieces(part))
+        case Repetition(part=part, times=times):
+            return times * pieces(part)
         case _:
             raise InputError("no formula for this trajectory", value=type(trajectory).__name__)
 
