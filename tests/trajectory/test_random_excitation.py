@@ -100,8 +100,9 @@ def test_a_joint_without_room_stands_still() -> None:
 def test_refuses_what_cannot_be() -> None:
     with pytest.raises(InputError, match="margin"):
         random_excitation(UR5, seed=0, margin=1.5)
-    with pytest.raises(InputError, match="two harmonics"):
-        random_excitation(UR5, seed=0, harmonics=1)
+    for harmonics in (1, 4.5):
+        with pytest.raises(InputError, match="harmonics of a motion from rest"):
+            random_excitation(UR5, seed=0, harmonics=harmonics)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="period"):
         random_excitation(UR5, seed=0, period_s=-1.0)
     with pytest.raises(InputError, match="joint 2: the mean position"):

@@ -31,6 +31,14 @@ def some_motion(name: str = "fourier", joints: int = 3) -> Trajectory:
     )
 
 
+@pytest.mark.parametrize("late", [1e-11, 1e-10, 4e-10, 1e-9, 1e-8])
+def test_no_two_points_have_the_same_nanosecond(late: float) -> None:
+    motion = Quintic(start=np.zeros(1), goal=np.ones(1), travel_time=1.0 + late)
+    points = yaml.safe_load(joint_trajectory_yaml(motion, ["a"], 125.0))["points"]
+    stamps = [p["time_from_start"]["sec"] * 10**9 + p["time_from_start"]["nanosec"] for p in points]
+    assert (np.diff(stamps) > 0).all()
+
+
 @pytest.mark.parametrize("name", FAMILY_NAMES)
 def test_csv_reads_back_exactly(name: str) -> None:
     motion = some_motion(name)

@@ -41,6 +41,15 @@ def written(path: Path) -> Path:
     return path
 
 
+def test_numbers_of_numpy_are_written(tmp_path: Path) -> None:
+    zero = np.zeros((1, 1))
+    part = FourierSeries(period=2.0, offset=np.zeros(1), a=zero, b=zero)
+    spline = BSpline(travel_time=2.0, control=np.zeros((1, 8)), degree=np.int64(5))
+    for motion in (Repetition(part=part, times=np.int64(3)), spline):
+        write_trajectory(motion, tmp_path / "a.json")
+        assert read_trajectory(tmp_path / "a.json").trajectory == motion
+
+
 @given(st.data(), st.integers(1, 7), st.integers(1, 6), st.floats(0.1, 1e4), st.text(max_size=20))
 @settings(max_examples=20)
 def test_round_trip_is_exact(

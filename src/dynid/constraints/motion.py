@@ -313,14 +313,8 @@ def _largest(
 
 
 def _over(value: Array, limit: float, times: Array, free: float) -> Worst:
-    k = int(np.argmax(value))
-    return Worst(
-        margin=left_over(float(value[k]) / limit, free),
-        t=float(times[k]),
-        value=float(value[k]),
-        limit=limit / (1.0 - free),
-        required=free,
-    )
+    alone = value[:, None]
+    return _largest(alone / limit, alone, np.array(limit), times, ("",), free)
 
 
 PRESETS = ("safe", "paper")

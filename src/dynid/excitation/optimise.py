@@ -201,7 +201,7 @@ class ExcitationDesign(Value):
 
     @property
     def feasible(self) -> bool:
-        """Whether the certificate holds."""
+        """Whether it is certified."""
         return self.certificate.feasible
 
     @property
@@ -259,8 +259,8 @@ class Optimised:
 
     finished: Finished
     search: Search
-    evaluations: int
     wall_s: float
+    """Of the search and the certificates [s]."""
 
 
 @one_thread()
@@ -417,9 +417,5 @@ def _finished(problem: ExcitationProblem, search: Search, budget_s: float | None
     region = region_of(problem)
     over = search.ended_by in ("interrupt", "budget")
     finished = finish(search, evaluation, region, stop=lambda: over)
-    return Optimised(
-        finished=finished,
-        search=search,
-        evaluations=search.evaluations + evaluation.evaluations,
-        wall_s=search.wall_s,
-    )
+    search.evaluations += evaluation.evaluations
+    return Optimised(finished=finished, search=search, wall_s=search.wall_s)

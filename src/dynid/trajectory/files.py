@@ -83,7 +83,7 @@ def _plain(value: object) -> object:
         return trajectory_to_json(value)
     if isinstance(value, tuple):
         return [_plain(part) for part in cast("tuple[object, ...]", value)]
-    return value.tolist() if isinstance(value, np.ndarray) else value
+    return cast("Any", value).tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 
 def trajectory_from_json(stored: JsonFields, *, depth: int = 0) -> Trajectory:
@@ -295,8 +295,9 @@ def motion_family(name: str, duration: float, harmonics: int) -> MotionFamily:
 
 _MOST = 10_000_000
 """Samples; more is a mistake in the rate."""
-_LATE = 1e-9
-"""Share of a step that rounding may take off the last one."""
+_LATE = 1e-6
+"""Share of a step by which the last one may be longer: the end never has the nanosecond of another
+point, as a file of joint trajectories has them."""
 _APART = 0.1
 """Steps between a point of the grid and a jump of the acceleration that has a point as well."""
 

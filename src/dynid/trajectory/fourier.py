@@ -15,6 +15,7 @@ from dynid.trajectory.trajectory import (
     Trajectory,
     require_positive,
     require_share,
+    require_whole,
 )
 
 
@@ -123,8 +124,7 @@ def rest_basis(harmonics: int) -> Array:
     Raises:
         InputError: Fewer than two harmonics.
     """
-    if harmonics < 2:
-        raise InputError("a motion from rest to rest needs two harmonics", value=harmonics)
+    require_whole("harmonics of a motion from rest to rest", harmonics, 2)
     order = np.arange(1.0, harmonics + 1)
     return _sines_and_cosines(_orthogonal_complement(order), _orthogonal_complement(order**2))
 
@@ -363,10 +363,10 @@ def random_excitation(
     ends = {name: getattr(limits, name) for name in ("lower", "upper")}
     ends = {name: np.where(np.isinf(end), np.nan, end) for name, end in ends.items()}
     bounds = usable_bounds(replace(limits, **ends), acceleration)
-    generator = np.random.default_rng(seed)
+    basis, generator = rest_basis(harmonics), np.random.default_rng(seed)
     spread = np.tile(1.0 / np.arange(1, harmonics + 1), 2)
     drawn = generator.standard_normal((bounds.joints, 2 * harmonics)) * spread
-    free = drawn @ rest_basis(harmonics)
+    free = drawn @ basis
     given = np.zeros(bounds.joints) if offset is None else offset
     middle = frozen(given, shape=(bounds.joints,), name="offset")
     series = rest_series(period_s, middle, free)

@@ -305,7 +305,7 @@ def _movej(legs: list[PointToPoint], said: str) -> list[str]:
         far = max(float(np.abs(leg.goal - leg.start).max()), 1e-6)
         speed = far / ((1.0 - BLEND) * leg.travel_time)
         push = speed / (BLEND * leg.travel_time)
-        lines.append(f"  movej({_list(leg.goal, 1.0)}, a={push:.9g}, v={speed:.9g}, r=0)")
+        lines.append(f"  movej({_list(leg.goal, 1.0)}, a={push:.12f}, v={speed:.12f}, r=0)")
     return [*lines, "end"]
 
 

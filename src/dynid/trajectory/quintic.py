@@ -16,6 +16,7 @@ from dynid.trajectory.trajectory import (
     StandingMotion,
     require_positive,
     require_share,
+    require_whole,
 )
 
 STEP = read_only(np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]))
@@ -293,8 +294,7 @@ class BSpline(Value, StandingMotion):
 
     def __post_init__(self) -> None:
         require_positive("the travel time", self.travel_time)
-        if self.degree < 3:
-            raise InputError("the degree of a B-spline", value=self.degree, limit="3 or more")
+        require_whole("the degree of a B-spline", self.degree, 3)
         object.__setattr__(self, "travel_time", float(self.travel_time))
         control = frozen(self.control, shape=(None, None), name="control points")
         if len(control) == 0 or control.shape[1] <= self.degree:

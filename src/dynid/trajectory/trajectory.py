@@ -185,12 +185,7 @@ class SeriesFamily(MotionFamily):
 
     def __post_init__(self) -> None:
         require_positive("the period", self.period)
-        if self.harmonics < self.least:
-            raise InputError(
-                f"a {self.name} motion needs more harmonics",
-                value=self.harmonics,
-                limit=f"{self.least} or more",
-            )
+        require_whole(f"harmonics of a {self.name} motion", self.harmonics, self.least)
 
     @property
     def duration(self) -> float:
@@ -213,8 +208,7 @@ class PoseFamily(MotionFamily):
 
     def __post_init__(self) -> None:
         require_positive("the travel time", self.travel_time)
-        if self.points < 1:
-            raise InputError(f"a {self.name} motion needs a free point", value=self.points)
+        require_whole(f"free points of a {self.name} motion", self.points, 1)
 
     @property
     def duration(self) -> float:

@@ -301,7 +301,7 @@ class _DesignJob:
             samples=problem.samples,
             certificate=certificate,
             repair=finished.repair,
-            evaluations=optimised.evaluations,
+            evaluations=search.evaluations,
             starts=search.starts,
             wall_s=optimised.wall_s,
             seed=asked.seed,
