@@ -106,8 +106,10 @@ def test_the_watchdogs_limits_lie_just_beyond_the_robots() -> None:
     assert (limits.velocity < 1.2 * UR5.limits.velocity).all()
 
 
-def test_a_period_of_no_whole_cycles_is_refused() -> None:
-    odd = replace(SERIES, period=10.003)
+@pytest.mark.parametrize("period", [10.003, 10.000005])
+def test_a_period_of_no_whole_cycles_is_refused(period: float) -> None:
+    """By the plan, not by the driver after the slow pass."""
+    odd = replace(SERIES, period=period)
     with pytest.raises(InputError, match="whole number of control cycles"):
         ExperimentPlan(robot=UR5, trajectory=odd)
 

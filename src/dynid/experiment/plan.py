@@ -17,7 +17,13 @@ import numpy as np
 from dynid.core import Array, DynidError, Finding, InputError, Progress
 from dynid.drivers import Abort, Driver, Execution, Outcome, Recorder, WatchLimits
 from dynid.robot import RobotModel
-from dynid.trajectory import MotionSequence, Repetition, Trajectory, require_share
+from dynid.trajectory import (
+    MotionSequence,
+    Repetition,
+    Trajectory,
+    require_share,
+    whole_cycles,
+)
 
 _CLOCKS = ("period", "travel_time")
 _SPEED = "the share of the speed"
@@ -60,7 +66,6 @@ _SPEED_ROOM = 1.1
 _PLACE_ROOM = 0.02
 _REST = {"dq": 1e-3, "ddq": 1e-2}
 _CLOSED = 1e-6
-_WHOLE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,13 +110,7 @@ class ExperimentPlan:
             require_share(_SPEED, self.slow)
         if not (math.isfinite(self.warm_up_s) and self.warm_up_s >= 0):
             raise InputError("the time to warm up", value=self.warm_up_s, limit="0 s or more")
-        cycles = self.trajectory.duration * self.rate_hz
-        if abs(cycles - round(cycles)) > _WHOLE * max(cycles, 1.0):
-            raise InputError(
-                "the period is no whole number of control cycles",
-                value=f"{self.trajectory.duration} s at {self.rate_hz} Hz",
-                next_step=f"Design with a period of {round(cycles) / self.rate_hz:g} s.",
-            )
+        whole_cycles(self.trajectory.duration, self.rate_hz)
         self._check_ends()
 
     def _check_ends(self) -> None:

@@ -43,3 +43,4 @@ from dynid.trajectory.trajectory import require_whole as require_whole
 from dynid.trajectory.urscript import Piece as Piece
 from dynid.trajectory.urscript import pieces as pieces
 from dynid.trajectory.urscript import ur_program as ur_program
+from dynid.trajectory.urscript import whole_cycles as whole_cycles

@@ -221,7 +221,7 @@ def ur_program(
     require_whole("settling periods", settle, 0)
     if trajectory.joints != _JOINTS:
         raise InputError("joints of a UR robot", value=trajectory.joints, limit=_JOINTS)
-    cycles = _whole_cycles(trajectory, rate_hz)
+    cycles = whole_cycles(trajectory.duration, rate_hz)
     total = (settle + repeats) * cycles
     if total > cycles:
         # Refuses a motion that does not end as it starts.
@@ -268,14 +268,19 @@ def ur_program(
     return "\n".join(["def dynid_excitation():", *(f"  {line}" for line in inside), "end"]) + "\n"
 
 
-def _whole_cycles(trajectory: Trajectory, rate_hz: float) -> int:
-    exact = trajectory.duration * rate_hz
+def whole_cycles(duration: float, rate_hz: float) -> int:
+    """How many control cycles a period lasts, in s and Hz.
+
+    Raises:
+        InputError: Fewer than two, or no whole number of them.
+    """
+    exact = duration * rate_hz
     cycles = round(exact)
     if cycles < 2 or abs(exact - cycles) > _WHOLE * cycles:
         raise InputError(
             "a period must be a whole number of control cycles",
-            value=exact,
-            next_step=f"Take a period that is a multiple of {1.0 / rate_hz:.6g} s.",
+            value=f"{duration} s at {rate_hz:g} Hz",
+            next_step=f"Design with a period of {max(cycles, 2) / rate_hz:.9g} s.",
         )
     return cycles
 
