@@ -82,7 +82,6 @@ def body_of(shape: Shape, link: int = 0, frame: Array | None = None) -> Body:
 
 MOST_SHAPES = 500
 _FARTHEST = 100.0
-_TABLE = 0.05
 _KEYS = {
     "floor": ("height",),
     "wall": ("point", "normal"),
@@ -91,7 +90,8 @@ _KEYS = {
     "cylinder": ("radius", "length", "position", "rpy"),
     "sphere": ("radius", "position"),
 }
-_OPTIONAL = ("height", "rpy", "thickness")
+_OPTIONAL = {"height": 0.0, "rpy": [0.0, 0.0, 0.0], "thickness": 0.05}
+"""What a file may leave out [m and rad]."""
 _CARRIED = ("box", "cylinder", "sphere")
 
 
@@ -161,7 +161,7 @@ def _shape(item: object, where: str, kinds: tuple[str, ...]) -> Shape:
             raise InputError(f"'{key}' is missing", where=f"{where} ({name})")
     label = fields.text("name") if "name" in fields.values else f"{name} {where.split()[-1]}"
     try:
-        code, pose, size = _solid(name, fields)
+        code, pose, size = _solid(name, JsonFields(_OPTIONAL | dict(fields.values)))
         return Shape(name=label, kind=code, pose=pose, size=size)
     except InputError as error:
         raise error.changed(where=f"{where} ({name})", next_step=None) from error
@@ -169,19 +169,19 @@ def _shape(item: object, where: str, kinds: tuple[str, ...]) -> Shape:
 
 def _solid(kind: str, fields: JsonFields) -> tuple[int, Array, Array]:
     if kind == "floor":
-        height = fields.number("height") if "height" in fields.values else 0.0
-        return HALF_SPACE, from_xyz_rpy([0, 0, height], [0, 0, 0]), np.zeros(3)
+        pose = from_xyz_rpy([0, 0, fields.number("height")], [0, 0, 0])
+        return HALF_SPACE, pose, np.zeros(3)
     if kind == "wall":
-        return HALF_SPACE, _facing(_three(fields, "point"), _three(fields, "normal")), np.zeros(3)
-    rpy = _three(fields, "rpy") if "rpy" in fields.values else np.zeros(3)
+        return HALF_SPACE, _facing(_vector(fields, "point"), _vector(fields, "normal")), np.zeros(3)
+    rpy = _vector(fields, "rpy")
     if (np.abs(rpy) > 2 * math.pi).any():
         raise InputError("'rpy' is in radians", value=rpy.tolist(), limit="2 pi")
-    pose = from_xyz_rpy(_three(fields, "position").tolist(), rpy.tolist())
+    pose = from_xyz_rpy(_vector(fields, "position").tolist(), rpy.tolist())
     if kind == "box":
-        return BOX, pose, _three(fields, "size") / 2
+        return BOX, pose, _vector(fields, "size") / 2
     if kind == "table":
-        sides = _some(fields, "size", 2)
-        thick = fields.number("thickness") if "thickness" in fields.values else _TABLE
+        sides = _vector(fields, "size", 2)
+        thick = fields.number("thickness")
         pose[:3, 3] -= pose[:3, 2] * thick / 2
         return BOX, pose, np.array([sides[0], sides[1], thick]) / 2
     radius = fields.number("radius")
@@ -200,11 +200,7 @@ def _facing(point: Array, normal: Array) -> Array:
     return from_axes(x / np.linalg.norm(x), z, point)
 
 
-def _three(fields: JsonFields, key: str) -> Array:
-    return _some(fields, key, 3)
-
-
-def _some(fields: JsonFields, key: str, count: int) -> Array:
+def _vector(fields: JsonFields, key: str, count: int = 3) -> Array:
     values = fields.vector(key)
     if len(values) != count:
         raise InputError(f"'{key}' must hold {count} numbers", value=values.tolist())

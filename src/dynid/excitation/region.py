@@ -210,14 +210,10 @@ def check_room(constraints: MotionConstraints, region: MotionRegion) -> None:
     Raises:
         InputError: No pose was found that keeps every clearance and that the joints can hold.
     """
-    random = np.random.default_rng(0)
-    if (_room(constraints, _poses(constraints, region, random, FEW)) > 0).any():
-        return
-    best = _roomiest(constraints, region, random)
-    if any(room > 0 for _, room in best):
-        return
-    pose = max(best, key=lambda item: item[1])[0]
-    raise tightest(constraints, pose, "no free pose of the arm was found")
+    best = _roomiest(constraints, region, np.random.default_rng(0))
+    pose, room = max(best, key=lambda item: item[1])
+    if room <= 0:
+        raise tightest(constraints, pose, "no free pose of the arm was found")
 
 
 def tightest(constraints: MotionConstraints, pose: Array, what: str) -> InputError:
@@ -242,10 +238,6 @@ def free_poses(
 
     Where the region has a pose, only that one is tried.
     """
-    poses = _poses(constraints, region, random, FEW)
-    free = poses[_room(constraints, poses) > 0]
-    if len(free):
-        return free
     return np.array([pose for pose, room in _roomiest(constraints, region, random) if room > 0])
 
 
@@ -288,7 +280,11 @@ def _poses(
 def _roomiest(
     constraints: MotionConstraints, region: MotionRegion, random: np.random.Generator
 ) -> list[tuple[Array, float]]:
-    """The best of many poses, moved to where more room is, and their room."""
+    """A few random poses and their room; if none is free, the best of many, moved to more room."""
+    poses = _poses(constraints, region, random, FEW)
+    room = _room(constraints, poses)
+    if (room > 0).any():
+        return list(zip(poses, room.tolist(), strict=True))
     poses = _poses(constraints, region, random, POSES)
     middle, half = region.middle, 0.99 * region.reach[0]
     room = _room(constraints, poses)
