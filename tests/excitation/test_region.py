@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from design_arms import Floats, arm, problem
@@ -98,6 +100,12 @@ def test_the_longest_step_stays_inside() -> None:
         assert length < 1.0
         assert (region.slack(x + length * step) > 0).all()
         assert (region.slack(x + 1.02 * length * step) < 0).any()
+
+
+def test_joints_that_turn_without_end_are_refused_in_words_alone() -> None:
+    endless = replace(bounds(), lower=np.full(3, -np.inf), upper=np.full(3, np.inf))
+    with pytest.raises(InputError, match="no limit bounds the motion"):
+        MotionRegion(motion_family("fourier", 6.0, 4), endless)
 
 
 def test_a_start_pose_outside_is_refused() -> None:

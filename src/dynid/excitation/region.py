@@ -49,11 +49,11 @@ class MotionRegion:
         b0, b1, b2 = family.basis(t)
         one, zero = np.ones((count, 1)), np.zeros((count, 1))
         self.columns = (np.hstack([one, b0]), np.hstack([zero, b1]), np.hstack([zero, b2]))
-        middle, half = (bounds.lower + bounds.upper) / 2, (bounds.upper - bounds.lower) / 2
-        self.middle = middle
-        self.reach = (SHARE * half, SHARE * bounds.velocity, SHARE * bounds.acceleration)
-        if not np.isfinite(self.reach[0]).all():
+        half = (bounds.upper - bounds.lower) / 2
+        if not np.isfinite(half).all():
             raise InputError("no limit bounds the motion", next_step="Give position limits.")
+        self.middle = middle = (bounds.lower + bounds.upper) / 2
+        self.reach = (SHARE * half, SHARE * bounds.velocity, SHARE * bounds.acceleration)
         self.pose = pose
         if pose is not None:
             require_inside("start pose", pose, middle - self.reach[0], middle + self.reach[0])
