@@ -225,6 +225,12 @@ def test_soft_limits_within_hard_ones_are_the_limits() -> None:
         inside = f'{hard}<safety_controller k_velocity="1" {soft}/>'
         robot = robot_from_urdf(_links(chain(joint("j", "a", "b", inside=inside)), "ab"))
         assert (robot.limits.lower[0], robot.limits.upper[0]) == limits
+    # Where the hard ones are not known, the soft ones still are.
+    soft = '<safety_controller k_velocity="1" soft_lower_limit="-1" soft_upper_limit="2"/>'
+    for known in ('lower="-inf" upper="inf"', 'lower="-inf" upper="3"', ""):
+        inside = f'<axis xyz="0 0 1"/><limit {known} effort="5" velocity="1"/>{soft}'
+        robot = robot_from_urdf(_links(chain(joint("j", "a", "b", inside=inside)), "ab"))
+        assert (robot.limits.lower[0], robot.limits.upper[0]) == (-1.0, 2.0)
 
 
 @needs_models

@@ -336,8 +336,8 @@ def _limits(
         lower = upper = nan
     elif soft is not None:
         # Beyond these a controller takes the joint over.
-        soft_lower = max(lower, read_bound(soft, "soft_lower_limit", where))
-        soft_upper = min(upper, read_bound(soft, "soft_upper_limit", where))
+        soft_lower = float(np.fmax(lower, read_bound(soft, "soft_lower_limit", where)))
+        soft_upper = float(np.fmin(upper, read_bound(soft, "soft_upper_limit", where)))
         if soft_lower < soft_upper:
             lower, upper = soft_lower, soft_upper
     speed = read_bound(found, "velocity", where)
