@@ -103,6 +103,13 @@ def test_units_of_sliding_joints_are_their_own(page: Page) -> None:
     text = visible(render(replace(contents, estimates=(slid,))))
     assert f"Tested up to {number(turned, 2)} rad/s." in text
     assert "torque and residual [N·m, N where sliding]" in text
+    # Of rival models as of all errors: those of the kind that errs more.
+    told = estimate.assessment
+    assert told is not None
+    newtons = np.where(np.arange(model.robot.joints) == 0, 1e5, 1.0)
+    told = replace(told, torque=newtons * told.torque, models={"identified": 0.25 * told.torque})
+    rivals = replace(slid, estimate=replace(estimate, assessment=told))
+    assert "everything identified 25.0 %" in visible(render(replace(contents, estimates=(rivals,))))
     # One error everywhere: that of the verdict, not the squares of N and N·m in one sum.
     two = visible(render(replace(contents, estimates=(slid, slid))))
     assert slid.errors is not None

@@ -11,6 +11,7 @@ from dynid.diagnosis import Answer
 from dynid.figures import joint_unit, number
 from dynid.report.contents import ReportContents, ReportedEstimate, joint_labels
 from dynid.report.figures import MODEL_NAMES, MODEL_ROLES, worst_first
+from dynid.robot import joints_by_kind
 
 PRECISE_PERCENT = 10.0
 """Relative standard deviation up to which a parameter is counted as precise."""
@@ -203,8 +204,13 @@ def model_bars(item: ReportedEstimate) -> tuple[Bar, ...]:
     told = item.estimate.assessment
     if told is None:
         return ()
-    size = float(np.linalg.norm(told.torque))
-    errors = [100 * float(np.linalg.norm(rms)) / max(size, 1e-9) for rms in told.models.values()]
+    # Newtons and newton metres do not add: of joints of both kinds, those that err more.
+    kinds = joints_by_kind(item.estimate.model.robot.prismatic).values()
+    sizes = [(joints, max(float(np.linalg.norm(told.torque[joints])), 1e-9)) for joints in kinds]
+    errors = [
+        max(100 * float(np.linalg.norm(rms[joints])) / size for joints, size in sizes)
+        for rms in told.models.values()
+    ]
     longest = max([*errors, 1e-9])
     return tuple(
         Bar(
