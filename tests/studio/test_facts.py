@@ -9,7 +9,7 @@ import pytest
 
 from dynid.constraints import Worst, safe_constraints
 from dynid.core import InputError, printable
-from dynid.recording import ExperimentRecord
+from dynid.recording import ExperimentRecord, RecordMetadata
 from dynid.robot import joint_poses, load_robot
 from dynid.studio import facts
 from dynid.studio.scene_editing import SceneEditor, instant
@@ -111,6 +111,10 @@ def test_torques_follow_from_currents_where_gains_are_known() -> None:
     tail = facts.tail_facts(ExperimentRecord(t=t, signals=signals), robot)
     torque = numbers(tail["groups"]["Torque"], 6)
     np.testing.assert_allclose(torque[0], robot.drives.gain, rtol=SINGLE)
+    own = RecordMetadata(drive_gains=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
+    tail = facts.tail_facts(ExperimentRecord(t=t, signals=signals, metadata=own), robot)
+    torque = numbers(tail["groups"]["Torque"], 6)
+    np.testing.assert_allclose(torque[0], [1, 2, 3, 4, 5, 6], rtol=SINGLE)
 
 
 def test_the_tail_ends_with_the_newest_sample() -> None:

@@ -16,11 +16,11 @@ from gentle import CYCLES, write_motion
 
 from dynid import read_estimate
 from dynid.core import DynidError, InputError, JsonFields
-from dynid.recording import read_record
+from dynid.recording import ExperimentRecord, read_record
 from dynid.robot import joint_poses
 from dynid.studio.jobs import Job, JobState
 from dynid.studio.page import Page
-from dynid.studio.session import free_name, open_path
+from dynid.studio.session import free_name, open_path, recorded
 from dynid.trajectory import FourierSeries
 from dynid.workflow import read_design
 
@@ -369,3 +369,17 @@ def test_a_page_that_has_not_heard_of_another_robot_is_told_nothing_about_it(pag
     of = {"name": page.session.motion.name, "opened": str(opened)}
     assert page.look_up("curves", of.__getitem__)["groups"]
     assert page.look_up("curves", {"name": "gone", "opened": "1"}.__getitem__) == {}
+
+
+def test_a_prediction_takes_the_place_of_the_measured_torque_alone(
+    page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Its torque follows from currents by gains that only the estimate has: none is shown before.
+    signals = {"q": np.zeros((50, 6)), "temperature": np.full((50, 6), 30.0)}
+    record = ExperimentRecord(t=np.arange(50) / 125.0, signals=signals)
+    page.session.motions["record"] = recorded("record", record)
+    found = [{"record": "record", "prediction": {"title": "Torque"}}]
+    monkeypatch.setattr("dynid.studio.page.judged_estimates", lambda *_: found)
+    do(page, "results")
+    shown = page.look_up("curves", {"name": "record", "opened": ""}.__getitem__)["groups"]
+    assert [group["title"] for group in shown] == ["Torque", "Position", "Temperature"]

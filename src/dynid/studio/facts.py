@@ -7,6 +7,7 @@ import base64
 import math
 import tempfile
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,11 @@ import numpy as np
 from dynid.constraints import DISTANCES, HALF_SPACE, RATIOS, Worst, prior_dynamics
 from dynid.core import Array, Indices, InputError, plain, printable
 from dynid.export import roll_pitch_yaw
+from dynid.figures import joint_unit, units
 from dynid.recording import ExperimentRecord
 from dynid.report import ReportedEstimate, joint_labels
 from dynid.robot import RobotModel
+from dynid.signals import measured_torque
 from dynid.studio.jobs import LEVELS
 from dynid.studio.scene_editing import Near, SceneEditor
 from dynid.studio.session import Session
@@ -31,18 +34,18 @@ RATE_HZ = 60.0
 KINDS = {
     "position": ("Position", "rad"),
     "velocity": ("Velocity", "rad/s"),
-    "acceleration": ("Acceleration", "rad/s²"),
-    "torque": ("Torque", "N·m"),
+    "acceleration": ("Acceleration", "rad/s^2"),
+    "torque": ("Torque", "N.m"),
     "tcp_speed": ("Tool speed", "m/s"),
     "elbow_speed": ("Elbow speed", "m/s"),
-    "momentum": ("Momentum", "kg·m/s"),
+    "momentum": ("Momentum", "kg.m/s"),
     "power": ("Power", "W"),
     "self_collision": ("Between bodies", "mm"),
     "environment": ("To the scene", "mm"),
 }
 """What each limit is called, and the unit of its values."""
 RECORDED = {
-    "effort": ("Torque", "N·m"),
+    "effort": ("Torque", "N.m"),
     "q": ("Position", "rad"),
     "qd": ("Velocity", "rad/s"),
     "current": ("Current", "A"),
@@ -152,8 +155,6 @@ def margins(worst: Mapping[str, Worst], sliding: Collection[str] = ()) -> list[d
         if item is None or math.isnan(item.margin):
             continue
         name, unit = KINDS[kind]
-        if item.what in sliding:
-            unit = unit.replace("rad", "m").replace("N·m", "N")
         used, scale, limit = 1.0 - item.margin, 1.0, abs(item.limit)
         # The bound over the whole motion, as the share is; that of a position counts from the
         # middle of its range.
@@ -168,7 +169,7 @@ def margins(worst: Mapping[str, Worst], sliding: Collection[str] = ()) -> list[d
             {
                 "kind": kind,
                 "name": name,
-                "unit": unit,
+                "unit": joint_unit(unit, [item.what in sliding]),
                 "what": printable(item.what.replace("_joint", "").replace("_", " "), 44),
                 "used": min(used, 9.99),
                 "allowed": allowed,
@@ -205,9 +206,8 @@ def verdict(session: Session) -> dict[str, Any] | None:
 def curves(session: Session, name: str) -> dict[str, Any]:
     """A motion over time: positions to play, and groups of curves to draw."""
     item = session.motion_named(name)
-    slides = bool(np.any(session.robot.prismatic))
     if item.record is not None:
-        return _recorded(item.record, session.robot, slides)
+        return _recorded(item.record, session.robot)
     if item.trajectory is None:
         raise InputError("a pose has no curves", value=name)
     count = int(np.clip(item.duration * RATE_HZ, 200, MOST_SAMPLES)) + 1
@@ -218,7 +218,7 @@ def curves(session: Session, name: str) -> dict[str, Any]:
     torque = _expected(session.robot, q, dq, ddq)
     if torque is not None:
         shown = {"torque": torque, **shown}
-    groups = [_group(kind, slides, "expected", values) for kind, values in shown.items()]
+    groups = [_group(kind, session.robot, "expected", values) for kind, values in shown.items()]
     return {"duration": item.duration, "t": encoded(t), "q": encoded(q), "groups": groups}
 
 
@@ -230,29 +230,26 @@ def _expected(model: RobotModel, q: Array, dq: Array, ddq: Array) -> Array | Non
     return prior.torque(q, dq, ddq) + prior.coulomb * np.tanh(dq / 0.02)
 
 
-def _recorded(record: ExperimentRecord, model: RobotModel, slides: bool) -> dict[str, Any]:
-    signals = _signals(record.signals, model)
+def _recorded(record: ExperimentRecord, model: RobotModel) -> dict[str, Any]:
+    signals = _signals(record, model)
     names = [name for name in RECORDED if name in signals]
-    t, q, *rows = thinned(
-        record.t - record.t[0], record.signals["q"], *(signals[name] for name in names)
-    )
-    groups = [_group(name, slides, "measured", x) for name, x in zip(names, rows, strict=True)]
+    t, q, *rows = thinned(record.t - record.t[0], signals["q"], *(signals[name] for name in names))
+    groups = [_group(name, model, "measured", x) for name, x in zip(names, rows, strict=True)]
     return {"duration": float(t[-1]), "t": encoded(t), "q": encoded(q), "groups": groups}
 
 
-def _signals(measured: Mapping[str, Array], model: RobotModel) -> dict[str, Array]:
+def _signals(record: ExperimentRecord, model: RobotModel) -> dict[str, Array]:
     """What was measured, and torques from currents where the drives' gains are known."""
-    found = dict(measured)
-    gains = model.drives.gain
-    if "effort" not in found and "current" in found and np.isfinite(gains).all():
-        found["effort"] = found["current"] * gains
+    found = dict(record.signals)
+    with suppress(InputError):
+        found["effort"] = measured_torque(record, model)
     return found
 
 
 def tail_facts(record: ExperimentRecord, model: RobotModel) -> dict[str, Any]:
     """The last seconds of a run, thinned to what a small plot can show, the newest sample kept."""
     t: Array = record.t - record.t[0]
-    signals = _signals(record.signals, model)
+    signals = _signals(record, model)
     first = int(np.searchsorted(t, float(t[-1]) - TAIL_S))
     step = max(1, -(-(len(t) - first) // TAIL_POINTS))
     chosen = np.arange(len(t) - 1, first - 1, -step)[::-1]
@@ -268,11 +265,6 @@ def tail_facts(record: ExperimentRecord, model: RobotModel) -> dict[str, Any]:
     }
 
 
-def _series(name: str, values: Array) -> dict[str, Any]:
-    """A curve for each joint."""
-    return {"name": name, "values": encoded(values)}
-
-
 def thinned(t: Array, *rows: Array) -> tuple[Array, ...]:
     """Every k-th sample, so that a page can hold them, and the last one."""
     step = max(1, -(-len(t) // MOST_SAMPLES))
@@ -280,11 +272,15 @@ def thinned(t: Array, *rows: Array) -> tuple[Array, ...]:
     return tuple(values[chosen] for values in (t, *rows))
 
 
-def _group(kind: str, slides: bool, name: str, values: Array) -> dict[str, Any]:
+def _group(kind: str, model: RobotModel, name: str, values: Array) -> dict[str, Any]:
+    """A plot with a curve for each joint."""
     title, unit = (KINDS | RECORDED)[kind]
-    if slides:
-        unit = unit.replace("rad", "rad or m").replace("N·m", "N·m or N")
-    return {"title": title, "unit": unit, "series": [_series(name, values)]}
+    shown = joint_unit(unit, model.prismatic)
+    return {"title": title, "unit": shown, "series": [_series(name, values)]}
+
+
+def _series(name: str, values: Array) -> dict[str, Any]:
+    return {"name": name, "values": encoded(values)}
 
 
 PARAMETERS = 60
@@ -312,7 +308,7 @@ def _facts(item: ReportedEstimate) -> dict[str, Any]:
             {
                 "name": printable(estimate.names[k]),
                 "expression": printable(estimate.expressions[k], 160),
-                "unit": estimate.units[k],
+                "unit": units(estimate.units[k]),
                 "value": plain(float(estimate.values[k])),
                 "interval": plain(float(CONFIDENCE * estimate.std[k])),
             }
@@ -332,14 +328,14 @@ def _facts(item: ReportedEstimate) -> dict[str, Any]:
             "name": name,
             "error": plain(float(error[j])),
             "torque": plain(float(size[j])),
-            "unit": "N" if robot.prismatic[j] else "N·m",
+            "unit": joint_unit("N.m", robot.prismatic[j : j + 1]),
         }
         for j, name in enumerate(joint_labels(robot.joint_names))
     ]
     found["basis"] = "the recording it was made from" if own else "another recording"
     start = estimate.settings.start_s if own else None
     t, measured, predicted = thinned(shown.t + (start or 0.0), shown.measured, shown.predicted)
-    group = _group("effort", any(robot.prismatic), "measured", measured)
+    group = _group("effort", robot, "measured", measured)
     group["series"].append(_series("predicted", predicted))
     found["prediction"] = group | {"t": encoded(t)}
     return found

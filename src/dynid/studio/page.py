@@ -162,7 +162,10 @@ class Page:
             found = facts.curves(session, query("name"))
             for item in self._results_known:
                 if item["record"] == query("name") and "prediction" in item:
-                    found["groups"] = [item["prediction"], *found["groups"][1:]]
+                    predicted = item["prediction"]
+                    # The torque measured, if it is among the curves, is that of the prediction.
+                    others = [one for one in found["groups"] if one["title"] != predicted["title"]]
+                    found["groups"] = [predicted, *others]
                     break
             return found
         raise InputError("there are no such facts", value=what)

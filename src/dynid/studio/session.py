@@ -187,9 +187,11 @@ def _files(paths: list[Path], folder: Path, robot: str | None, *, strict: bool) 
             if kind == "estimate":
                 estimates.append(path)
             elif kind == "scene":
+                if path.name == JOB_SCENE and not strict:
+                    continue
                 if scene is not None:
                     skipped.append((path.name, f"the scene is that of {Path(scene_file).name}"))
-                elif path.name != JOB_SCENE:
+                else:
                     scene, scene_file = open_scene(path).to_json(), str(path)
             elif kind in ("design", "recording"):
                 opened = open_motion(path, robot)
