@@ -17,9 +17,9 @@ from dynid.core import Array
 from dynid.export.model import ExportModel
 from dynid.export.robot_xml import (
     HEAD,
-    SIX,
     bodies,
     comment,
+    fill_inertial,
     numbers,
     refuse_negative_friction,
     urdf_remarks,
@@ -145,10 +145,7 @@ def _set_inertial(link: ET.Element, mass: float, centre: Array, inertia: Array) 
     for old in list(inertial):
         inertial.remove(old)
     inertial.text = None
-    ET.SubElement(inertial, "origin", xyz=numbers(*centre), rpy="0 0 0")
-    ET.SubElement(inertial, "mass", value=numbers(mass))
-    six = {name: numbers(value) for name, value in zip(SIX, inertia, strict=True)}
-    ET.SubElement(inertial, "inertia", six)
+    fill_inertial(inertial, mass, centre, inertia)
     if link.text and not link.text.strip():
         # As deep as the link's own indentation.
         ET.indent(inertial, level=0)

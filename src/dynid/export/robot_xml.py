@@ -61,12 +61,12 @@ _LONG = {
     "Fw": "torque ripple of gears",
 }
 
-SIX = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+_SIX = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 """Attributes of an inertia tensor in URDF, in the order of `bodies`."""
 
 
 def bodies(model: ExportModel) -> list[tuple[float, Array, Array]]:
-    """Mass [kg], centre of mass (3) [m] and central inertia (6) [kg.m^2] of each link, as `SIX`.
+    """Mass [kg], centre of mass (3) [m] and central inertia (6) [kg.m^2] of each link, as `_SIX`.
 
     Raises:
         JobError: A link whose mass is not positive, which has no centre of mass that loaders
@@ -212,16 +212,20 @@ def urdf_text(model: ExportModel, note: str = "") -> str:
     _urdf_joint(root, _free("mounting", names), "fixed", turn, "world", "base_link")
     for i, (mass, centre, inertia) in enumerate(bodies(model)):
         link = ET.SubElement(root, "link", name=f"link_{i + 1}")
-        inertial = ET.SubElement(link, "inertial")
-        ET.SubElement(inertial, "origin", xyz=numbers(*centre), rpy="0 0 0")
-        ET.SubElement(inertial, "mass", value=numbers(mass))
-        six = {name: numbers(value) for name, value in zip(SIX, inertia, strict=True)}
-        ET.SubElement(inertial, "inertia", six)
+        fill_inertial(ET.SubElement(link, "inertial"), mass, centre, inertia)
         _joint(root, model, i, names[i])
     ET.SubElement(root, "link", name="flange")
     last = f"link_{robot.joints}"
     _urdf_joint(root, _free("flange_fixed", names), "fixed", robot.flange, last, "flange")
     return _document(root, remarks)
+
+
+def fill_inertial(inertial: ET.Element, mass: float, centre: Array, inertia: Array) -> None:
+    """Put what `bodies` found of a link into its empty element `inertial`."""
+    ET.SubElement(inertial, "origin", xyz=numbers(*centre), rpy="0 0 0")
+    ET.SubElement(inertial, "mass", value=numbers(mass))
+    six = {name: numbers(value) for name, value in zip(_SIX, inertia, strict=True)}
+    ET.SubElement(inertial, "inertia", six)
 
 
 def _urdf_joint(

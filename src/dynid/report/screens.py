@@ -17,7 +17,6 @@ PRECISE_PERCENT = 10.0
 """Relative standard deviation up to which a parameter is counted as precise."""
 MOST_STEPS = 3
 ANSWERS = {"yes": "yes", "limits": "with limits", "no": "no"}
-ROLES = {"yes": "yes", "limits": "with-limits", "no": "no"}
 LEVEL_WORDS = {"usable": "yes", "care": "with limits", "do_not_use": "no"}
 
 
@@ -137,7 +136,7 @@ def _purpose(
     return PurposeAnswer(
         title=title,
         answer=ANSWERS[answer.answer],
-        role=ROLES[answer.answer],
+        role=ANSWERS[answer.answer].replace(" ", "-"),
         figure=figure,
         unit=unit,
         text=f"{reason[:1].upper()}{reason[1:]}.",

@@ -6,6 +6,7 @@ Start with `dynid.robot.load.load_robot`.
 from dynid.robot.body import Body as Body
 from dynid.robot.body import box_points as box_points
 from dynid.robot.body import cylinder_points as cylinder_points
+from dynid.robot.body import hull_faces as hull_faces
 from dynid.robot.kinematics import joint_poses as joint_poses
 from dynid.robot.kinematics import joint_turns as joint_turns
 from dynid.robot.kinematics import nominal_geometry as nominal_geometry

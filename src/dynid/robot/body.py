@@ -93,12 +93,7 @@ class Body(Value):
         rings = np.column_stack([wide * np.cos(turns), wide * np.sin(turns), np.cos(heights)])
         ball = np.concatenate([rings, [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
         points = (self.points[:, None] + self.radius * ball).reshape(-1, 3)
-        hull = _hull(points)
-        points, faces = hull.points, hull.simplices
-        first, second, third = points[faces].transpose(1, 0, 2)
-        inward = np.einsum("fx,fx->f", np.cross(second - first, third - first),
-                           hull.equations[:, :3]) < 0  # fmt: skip
-        faces[inward] = faces[inward][:, ::-1]
+        points, faces = hull_faces(points)
         used, renumbered = np.unique(faces, return_inverse=True)
         return points[used], renumbered.reshape(faces.shape).astype(np.intp)
 
@@ -265,6 +260,17 @@ def _hull(points: Array) -> Any:
         return spatial.ConvexHull(points)
     except spatial.QhullError:
         return spatial.ConvexHull(points, qhull_options="QJ")
+
+
+def hull_faces(points: Array) -> tuple[Array, Indices]:
+    """Vertices (V, 3) of the hull of points (P, 3), and its outward faces (F, 3)."""
+    hull = _hull(points)
+    points, faces = hull.points, hull.simplices
+    first, second, third = points[faces].transpose(1, 0, 2)
+    turned = np.cross(second - first, third - first)
+    inward = np.einsum("fx,fx->f", turned, hull.equations[:, :3]) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    return points, faces
 
 
 def _volume(points: Array) -> float:

@@ -30,7 +30,7 @@ from dynid.robot.tables import (
     shown_path,
     tables,
 )
-from dynid.robot.transforms import from_body, from_xyz_rpy, inverse, move
+from dynid.robot.transforms import from_body, from_xyz_rpy, inverse, move, translation
 from dynid.robot.urdf import MAX_BYTES as MAX_URDF
 from dynid.robot.urdf import robot_from_urdf
 from dynid.robot.urdf_bodies import with_collision_geometry
@@ -43,9 +43,8 @@ _SAFETY = ("tcp_speed", "elbow_speed", "momentum", "power", "payload")
 _STRONGEST = 30.0
 
 
-def _read_mount(rows: list[TomlTable], _: RobotModel) -> dict[str, Any]:
+def _read_mount(table: TomlTable, _: RobotModel) -> dict[str, Any]:
     """A kind, or gravity in the base frame."""
-    (table,) = rows
     if ("kind" in table) == ("gravity" in table):
         raise RobotError("give either kind or gravity")
     if "kind" in table:
@@ -59,16 +58,15 @@ def _read_mount(rows: list[TomlTable], _: RobotModel) -> dict[str, Any]:
     return {"mount": "file", "gravity": gravity}
 
 
-def _read_limits(rows: list[TomlTable], robot: RobotModel) -> dict[str, Any]:
+def _read_limits(table: TomlTable, robot: RobotModel) -> dict[str, Any]:
     """What the table leaves out stays as it was."""
-    (table,), n = rows, robot.joints
+    n = robot.joints
     given = {key: table.numbers(key, n, unknown=True) for key in _LIMITS if key in table}
     return {"limits": replace(robot.limits, **given)}
 
 
-def _read_safety(rows: list[TomlTable], robot: RobotModel) -> dict[str, Any]:
+def _read_safety(table: TomlTable, robot: RobotModel) -> dict[str, Any]:
     """`elbow` is the joint at whose `urdf` frame the elbow is."""
-    (table,) = rows
     found: dict[str, Any] = {key: table.number(key) for key in _SAFETY if key in table}
     if "elbow" in table:
         found["elbow"] = 1 + robot.joint_names.index(table.text("elbow", robot.joint_names))
@@ -77,16 +75,15 @@ def _read_safety(rows: list[TomlTable], robot: RobotModel) -> dict[str, Any]:
     return {"safety": SafetyLimits(**found)}
 
 
-def _read_tool(rows: list[TomlTable], _: RobotModel) -> dict[str, Any]:
+def _read_tool(table: TomlTable, _: RobotModel) -> dict[str, Any]:
     """What the flange carries, in its frame."""
-    (table,) = rows
     found: dict[str, Any] = {key: table.numbers(key, 3) for key in ("tcp", "com") if key in table}
     found |= {key: table.number(key) for key in ("mass", "radius") if key in table}
     return {"tool": Tool(**found)}
 
 
-def _read_drives(rows: list[TomlTable], robot: RobotModel) -> dict[str, Any]:
-    (table,), n = rows, robot.joints
+def _read_drives(table: TomlTable, robot: RobotModel) -> dict[str, Any]:
+    n = robot.joints
     found: dict[str, Any] = {
         key: table.numbers(key, n, unknown=True) if key in table else np.full(n, np.nan)
         for key in ("gain", "gear_ratio")
@@ -107,13 +104,13 @@ def _read_drives(rows: list[TomlTable], robot: RobotModel) -> dict[str, Any]:
     return {"drives": Drives(**found)}
 
 
-def _read_inertias(rows: list[TomlTable], robot: RobotModel) -> dict[str, Any]:
+def _read_inertias(table: TomlTable, robot: RobotModel) -> dict[str, Any]:
     """Masses, centres of mass and tensors in frames of one convention.
 
     What the table leaves out, or gives as nan, stays as the URDF has it.
     """
-    (table,), n = rows, robot.joints
-    frames, mass = _frames(table, robot), table.numbers("mass", n, unknown=True)
+    n, frames = robot.joints, _frames(table, robot)
+    mass = table.numbers("mass", n, unknown=True)
     com = table.rows("com", n, 3, unknown=True) if "com" in table else np.full((n, 3), np.nan)
     six = table.rows("tensor", n, 6, unknown=True) if "tensor" in table else np.full((n, 6), np.nan)
     found: list[Array] = []
@@ -132,9 +129,7 @@ def _mass_centre_tensor(row: Array, frame: Array) -> Array:
         return np.array([mass if mass > 0 else np.nan, *[np.nan] * 9])
     row = move(row, frame)
     centre = row[1:4] / mass
-    square = mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-    offset = [square[a, b] for a, b in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))]
-    return np.concatenate([[mass], centre, row[4:] - np.array(offset)])
+    return np.concatenate([[mass], centre, move(row, translation(*-centre))[4:]])
 
 
 def _read_counterbalances(rows: list[TomlTable], robot: RobotModel) -> dict[str, Any]:
@@ -195,9 +190,8 @@ def _bodies_of(arm: str) -> list[TomlTable]:
     return tables(parse_toml(builtin_file(arm))["body"], f"body of {arm}", "", _READERS["body"][0])
 
 
-def _read_collision(rows: list[TomlTable], robot: RobotModel) -> dict[str, Any]:
+def _read_collision(table: TomlTable, robot: RobotModel) -> dict[str, Any]:
     """A note on the bodies; what release 0.1 did not check is read and ignored."""
-    (table,) = rows
     notes = (*robot.body_notes, *((table.text("note"),) if "note" in table else ()))
     told = ["'apart' and 'overlap' of the table 'collision' count no more: bodies are judged"]
     trusted = "apart" in table or "overlap" in table
@@ -258,7 +252,7 @@ _READERS: dict[str, tuple[tuple[str, ...], Callable[..., dict[str, Any]]]] = {
     "capsule": ((*_BODY, "start", "end"), partial(_read_bodies, capsules=True)),
     "collision": (("note", "apart", "overlap", "overlap_by"), _read_collision),
 }
-"""Table to its keys, and what makes fields of the robot of its rows."""
+"""Table to its keys, and what makes fields of the robot of it, or of its rows if `_SEVERAL`."""
 _SEVERAL = ("counterbalance", "body", "capsule")
 
 
@@ -278,9 +272,9 @@ def robot_from_toml(
         top = TomlTable(parse_toml(data), "", "", _TOP)
         robot = _kinematics(top, path)
         if collision and robot.urdf:
-            given = _links_with_bodies(top, robot)
+            held = _links_with_bodies(top, robot)
             robot = with_collision_geometry(
-                robot, Path(robot.urdf), mesh_dirs=mesh_dirs, apart_from=given
+                robot, Path(robot.urdf), mesh_dirs=mesh_dirs, apart_from=held
             )
         if "joint_names" in top:
             names = top.texts("joint_names", robot.joints)
@@ -290,9 +284,12 @@ def robot_from_toml(
             if name in top:
                 with located(name):
                     values = top.raw(name)
-                    one = [] if name in _SEVERAL else [TomlTable(values, "", name, keys)]
-                    rows = one or tables(values, name, "", keys)
-                    found = read(rows, robot)
+                    if name in _SEVERAL:
+                        given = rows = tables(values, name, "", keys)
+                    else:
+                        given = TomlTable(values, "", name, keys)
+                        rows = [given]
+                    found = read(given, robot)
                 robot = replace(robot, **found)
                 sources += [text for row in rows for text in row.sources(name)]
         if "name" in top:

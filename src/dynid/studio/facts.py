@@ -17,6 +17,7 @@ from dynid.constraints import DISTANCES, HALF_SPACE, RATIOS, Worst, prior_dynami
 from dynid.core import Array, Indices, InputError, plain, printable
 from dynid.export import roll_pitch_yaw
 from dynid.figures import joint_unit, units
+from dynid.identification import CONFIDENCE
 from dynid.recording import ExperimentRecord
 from dynid.report import ReportedEstimate, joint_labels
 from dynid.robot import RobotModel
@@ -285,7 +286,6 @@ def _series(name: str, values: Array) -> dict[str, Any]:
 
 PARAMETERS = 60
 """Most parameters of an estimate that are listed."""
-CONFIDENCE = 1.96
 
 
 def judged_estimates(folder: Path, output: Path | None) -> list[dict[str, Any]]:

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from dynid.constraints import HALF_SPACE, MotionConstraints, Shape, body_of, surrounded
-from dynid.core import Array, DynidError, Indices, scipy_part
-from dynid.robot import Body, RobotModel, box_points, urdf_shapes
+from dynid.core import Array, DynidError, Indices
+from dynid.robot import Body, RobotModel, box_points, hull_faces, urdf_shapes
 
 STICK = 0.035
 """Radius of the arm's bodies where none are known, as a share of its reach."""
@@ -59,25 +59,13 @@ def arm_skins(robot: RobotModel) -> tuple[LinkMesh, ...]:
     for mesh, body in zip(arm_meshes(robot), robot.bodies or _sticks(robot), strict=True):
         if len(body.points) > 3:
             # The rounded rim of a body is narrower than what a round link needs to look round.
-            faces = _hull_faces(body.points)
-            normal = corner_normals(body.points, faces, crease=math.pi)
-            grown = np.array(body.points)
-            grown[faces.ravel()] = body.points[faces.ravel()] + body.radius * normal
+            points, faces = hull_faces(body.points)
+            grown = np.array(points)
+            normal = corner_normals(points, faces, crease=math.pi)
+            grown[faces.ravel()] += body.radius * normal
             mesh = replace(mesh, vertices=grown, faces=faces)
         found.append(replace(mesh, smooth=True))
     return tuple(found)
-
-
-def _hull_faces(points: Array) -> Indices:
-    """(F, 3) outward faces of the hull of points (K, 3)."""
-    # SciPy is imported where it is used: robots are loaded by commands that need none of it.
-    hull = scipy_part("spatial").ConvexHull(points, qhull_options="QJ")
-    faces: Indices = np.array(hull.simplices, dtype=np.intp)
-    first, second, third = points[faces].transpose(1, 0, 2)
-    turned = np.cross(second - first, third - first)
-    inward = np.einsum("fx,fx->f", turned, hull.equations[:, :3]) < 0
-    faces[inward] = faces[inward][:, ::-1]
-    return faces
 
 
 CREASE = math.radians(40.0)
@@ -85,7 +73,7 @@ CREASE = math.radians(40.0)
 ROUND_CREASE = math.radians(62.0)
 """The same where triangles stand for a round surface."""
 _NOTHING = 1e-9
-"""Twice the area of triangles that are not drawn: the joggled hull has many [m^2]."""
+"""Twice the area of triangles that are not drawn: hulls have some [m^2]."""
 
 
 def shaded(vertices: Array, faces: Indices, *, smooth: bool) -> Array:
