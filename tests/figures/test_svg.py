@@ -132,7 +132,7 @@ def test_ticks_are_round_and_lie_on_their_axis() -> None:
 
 
 def test_axes_hold_their_values_and_refuse_empty_ranges() -> None:
-    for values in ([1.0, 1.0], [], [np.nan, 3.0], [-2.0, 5.0]):
+    for values in ([1.0, 1.0], [0.0, 0.0], [], [np.nan, 3.0], [-2.0, 5.0]):
         axis = axis_around(np.array(values), zero=True)
         assert axis.low <= 0 <= axis.high
     assert axis_around([1.0, 100.0, -3.0], log=True).low > 0

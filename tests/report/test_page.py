@@ -118,6 +118,23 @@ def test_units_of_sliding_joints_are_their_own(page: Page) -> None:
     assert re.search(rf"error, moving \[%\] .*? {re.escape(error)} {len(estimate.values)} ", two)
 
 
+def test_a_slide_that_stood_at_zero_without_limits_and_torque_is_drawn(page: Page) -> None:
+    _, contents = page
+    item = contents.estimates[0]
+    assert item.shown is not None
+    estimate, still = item.estimate, np.r_[0.0, np.ones(5)]
+    model, seen = estimate.model, estimate.motion
+    kinds = ("prismatic", *model.robot.joint_types[1:])
+    limits = replace(model.robot.limits, lower=np.full(6, np.nan), upper=np.full(6, np.nan))
+    robot = replace(model.robot, joint_types=kinds, limits=limits)
+    seen = replace(seen, lower=still * seen.lower, upper=still * seen.upper)
+    estimate = replace(estimate, model=replace(model, robot=robot), motion=seen)
+    measured, predicted = still * item.shown.measured, still * item.shown.predicted
+    shown = replace(item.shown, measured=measured, predicted=predicted)
+    gantry = replace(item, estimate=estimate, validation=shown)
+    assert "Uncertainty over poses" in render(replace(contents, estimates=(gantry,)))
+
+
 def test_measured_torque_is_drawn_where_it_was_measured(page: Page) -> None:
     path, contents = page
     shown = contents.estimates[0].shown

@@ -131,8 +131,8 @@ def axis_around(
         return Axis(low=low / grow, high=high * grow, label=label, log=True)
     spread = high - low or abs(high) or 1.0
     return Axis(
-        low=low if zero and low == 0 else low - _ROOM * spread,
-        high=high if zero and high == 0 else high + _ROOM * spread,
+        low=low if zero and low == 0 < high else low - _ROOM * spread,
+        high=high if zero and high == 0 > low else high + _ROOM * spread,
         label=label,
     )
 

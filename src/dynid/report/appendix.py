@@ -233,7 +233,8 @@ def _poses_figure(item: ReportedEstimate) -> draw.Figure | None:
         panels.append(
             draw.Panel(
                 title=joint_labels(robot.joint_names)[j],
-                x=draw.Axis(low=float(at[0]), high=float(at[-1])),
+                # Of a slide without limits that stood at zero, no other place is known.
+                x=draw.Axis(low=float(at[0]), high=max(float(at[-1]), float(at[0]) + 1e-3)),
                 y=draw.Axis(low=0.0, high=1.1 * max(float(found.anywhere.max()), torque)),
                 marks=(
                     draw.Spans([tuple(recorded.tolist())], name="recorded range"),
