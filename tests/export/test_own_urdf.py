@@ -197,6 +197,12 @@ def test_the_robot_s_own_urdf_is_never_replaced(mine: Path, tmp_path: Path) -> N
         words = ["export", str(tmp_path / "estimate.json"), "--to", "urdf", "-o", str(mine), *more]
         assert main([*words, "--force"]) == 2
         assert mine.read_bytes() == before
+    # Of a name that other formats have, too.
+    named = mine.rename(mine.with_suffix(".xml"))
+    estimate = estimate_of(load_robot(named), parameters_of(robot, 5))
+    with pytest.raises(InputError, match="own URDF"):
+        write_model(estimate, named, "mjcf")
+    assert named.read_bytes() == before
 
 
 def test_joints_that_a_robot_file_renames_are_those_of_no_urdf(mine: Path, tmp_path: Path) -> None:

@@ -292,14 +292,15 @@ def write_model(
     kind = _FORMATS[to]
     if urdf is not None and to != "urdf":
         raise InputError("only a URDF can be a copy of one", where="--urdf", value=to, limit="urdf")
-    source = _own_urdf(model.robot, urdf) if to == "urdf" else None
+    own = _own_urdf(model.robot, urdf)
+    if own is not None and own.is_file() and path.exists() and own.samefile(path):
+        raise InputError(
+            "the model would overwrite the robot's own URDF, which recordings go by",
+            where=str(path),
+            next_step="Name another file.",
+        )
+    source = own if to == "urdf" else None
     if source is not None:
-        if source.is_file() and path.exists() and source.samefile(path):
-            raise InputError(
-                "the model would overwrite the robot's own URDF, which recordings go by",
-                where=str(path),
-                next_step="Name another file.",
-            )
         kind = replace(kind, text=partial(own_urdf_text, source, path), torque=_copy_torque)
     states = random_states(model.robot, verification.STATES, seed=0)
     if kind.held is None and model.presliding is not None:
