@@ -159,6 +159,12 @@ def test_meshes_are_found_from_another_folder(mine: Path, tmp_path: Path) -> Non
         estimate_of(robot, parameters_of(robot, 5)), tmp_path / "fitted" / "model.urdf", "urdf"
     )
     assert '<mesh filename="../mine/meshes/turret.stl"/>' in done.path.read_text()
+    (tmp_path / "deep" / "folder").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(tmp_path / "deep" / "folder")
+    done = write_model(
+        estimate_of(robot, parameters_of(robot, 5)), tmp_path / "link" / "model.urdf", "urdf"
+    )
+    assert '<mesh filename="../../mine/meshes/turret.stl"/>' in done.path.read_text()
 
 
 def test_one_that_has_moved_is_named_and_others_are_refused(

@@ -67,7 +67,8 @@ def own_urdf_text(file: Path, output: Path, model: ExportModel, note: str) -> st
         for element in root.iter(tag):
             name = (element.get("filename") or "").strip()
             if name and not os.path.isabs(name) and not any(s in name for s in _OTHER_SCHEMES):
-                there = os.path.relpath(file.parent / name, output.absolute().parent)
+                # Of true folders: `..` behind a link leads elsewhere.
+                there = os.path.relpath(file.parent.resolve() / name, output.parent.resolve())
                 element.set("filename", Path(there).as_posix())
     remarks = [f"A copy of {file.name} with identified inertias, damping and friction."]
     remarks.append(f"Gravity in the frame of its root: {numbers(*model.robot.gravity)} m/s^2.")
