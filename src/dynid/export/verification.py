@@ -52,8 +52,8 @@ def our_torque(
     estimate: Estimate,
     completed: Completion,
     states: States,
-    held: Iterable[str] | None = None,
-    friction: NearestFriction | None = None,
+    held: Iterable[str] | None,
+    friction: NearestFriction | None,
 ) -> Array:
     """(N, n) torques by the model that was identified, not by anything in this package.
 

@@ -33,7 +33,7 @@ TIGHTER = 4
 PARTS = 3
 """Bodies of a mesh."""
 WORTH = 0.92
-"""Volume that one more body must leave, over that before."""
+"""Volume that one more body must leave at most, over that before."""
 _CUTS = 16
 """Planes across each axis, less one."""
 _DIRECTIONS = 128
@@ -148,7 +148,7 @@ def around_triangles(faces: Array) -> list[tuple[Array, float, Array]]:
     Returns:
         Points (K, 3) and radius [m] of each, and the corners (P, 3) of the part that it holds.
     """
-    parts = [part.reshape(-1, 3) for part in parts_of(faces)]
+    parts = [part.reshape(-1, 3) for part in _parts_of(faces)]
     return [(*around_points(part), part) for part in parts]
 
 
@@ -184,11 +184,8 @@ def close_bodies(bodies: Sequence[Body], poses: Array) -> set[int]:
     return found
 
 
-def parts_of(faces: Array, worth: float = WORTH) -> list[Array]:
-    """The triangles (T, 3, 3) in up to `PARTS` parts whose hulls take little room together.
-
-    One more part must leave at most the share `worth` of the volume before.
-    """
+def _parts_of(faces: Array) -> list[Array]:
+    """The triangles (T, 3, 3) in up to `PARTS` parts whose hulls take little room together."""
     points, index = np.unique(faces.reshape(-1, 3), axis=0, return_inverse=True)
     parts = [index.reshape(-1, 3)]
     while len(parts) < PARTS:
@@ -201,7 +198,7 @@ def parts_of(faces: Array, worth: float = WORTH) -> list[Array]:
         if not options:
             break
         gain, k, axis, at = min(options)
-        if -gain < (1 - worth) * sum(volumes):
+        if -gain < (1 - WORTH) * sum(volumes):
             break
         low = points[parts[k]].mean(axis=1)[:, axis] < at
         parts[k : k + 1] = [parts[k][low], parts[k][~low]]

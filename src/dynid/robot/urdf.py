@@ -4,7 +4,7 @@ import difflib
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import compress
 from pathlib import Path
 
@@ -37,12 +37,12 @@ class Trunk:
     locked: dict[str, float]
     """Every other moving joint, and where it is frozen [rad or m]."""
     notes: tuple[str, ...]
-    following: Mapping[str, str] = field(default_factory=dict[str, str])
+    following: Mapping[str, str]
     """Those of them that move with a joint of the arm, and with which."""
 
 
 def find_trunk(
-    tree: UrdfTree, where: str, *, tip: str | None = None, locked: Mapping[str, float] | None = None
+    tree: UrdfTree, where: str, *, tip: str | None, locked: Mapping[str, float] | None
 ) -> Trunk:
     """Choose the arm.
 
@@ -294,7 +294,7 @@ def robot_from_urdf(
     """
     tree = parse_urdf(data, where)
     trunk = find_trunk(tree, where, tip=tip, locked=locked)
-    poses, carriers = place_links(tree, trunk)
+    poses, carriers = place_links(tree, trunk.joints, trunk.locked)
     joints = [tree.joints[name] for name in trunk.joints]
     notes = [*tree.notes, *trunk.notes]
     inertias = _merge(tree, trunk, poses, carriers, notes)
@@ -365,8 +365,7 @@ def urdf_links(robot: RobotModel, file: Path) -> list[UrdfLink]:
             limit=_listed(list(tree.joints)),
             next_step="Give the URDF of the robot that was identified.",
         )
-    trunk = Trunk(joints=robot.joint_names, tip="", locked=dict(robot.locked), notes=())
-    poses, carriers = place_links(tree, trunk)
+    poses, carriers = place_links(tree, robot.joint_names, robot.locked)
     hinged = {tree.root: False}
     for joint in tree.downward():
         loose = joint.kind != "fixed" or hinged[joint.parent]
@@ -397,15 +396,17 @@ def urdf_links(robot: RobotModel, file: Path) -> list[UrdfLink]:
     ]
 
 
-def place_links(tree: UrdfTree, trunk: Trunk) -> tuple[dict[str, Array], dict[str, int]]:
-    """Every link's pose in the joint frame that carries it, and that joint (0 the base)."""
-    number = {name: k + 1 for k, name in enumerate(trunk.joints)}
+def place_links(
+    tree: UrdfTree, joints: Sequence[str], locked: Mapping[str, float]
+) -> tuple[dict[str, Array], dict[str, int]]:
+    """Every link's pose in the frame of the joint that carries it, and that joint (0 the base)."""
+    number = {name: k + 1 for k, name in enumerate(joints)}
     poses, carriers = {tree.root: np.eye(4)}, {tree.root: 0}
     for joint in tree.downward():
         if joint.name in number:
             poses[joint.child], carriers[joint.child] = np.eye(4), number[joint.name]
         else:
-            held = trunk.locked.get(joint.name, 0.0)
+            held = locked.get(joint.name, 0.0)
             move_by = joint_motion(joint.axis, joint.kind == "prismatic", held)
             poses[joint.child] = poses[joint.parent] @ joint.origin @ move_by
             carriers[joint.child] = carriers[joint.parent]
