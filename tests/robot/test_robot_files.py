@@ -215,7 +215,7 @@ BROKEN = {
     "motor side": (DH + '[drives]\ntorque_side="motor"', "need gear_ratio or coupling"),
     "offset": (DH + "[drives]\noffset=[0,0.1]", "'offset' is that of motor positions"),
     "mass": (DH + "[inertia]\nmass=[1,-1]", "inertia: negative mass"),
-    "inertia frames": (DH + '[inertia]\nframes="x"\nmass=[1,1]', "'frames' unknown word"),
+    "inertia frames": (DH + '[inertia]\nframes="x"\nmass=[1,1]', "toml: inertia: 'frames' unknown"),
     "single counterbalance": (DH + CYLINDER.replace("[[", "[").replace("]]", "]"), r"write \[\["),
     "counterbalance joint": (DH + CYLINDER, "'joint' unknown word; got hip"),
     "gas": (
@@ -237,6 +237,7 @@ BROKEN = {
     "source": (DH + "source = 3", "'source' must be a text"),
     "key lines": ('"a\\nb" = 1\n' + DH, r"unknown key 'a\?b'"),
     "joint rows": ("joint = []", "number of"),
+    "joint rows on a base": ("joint = []\n[base]\nxyz = [0, 0, 1]", "number of"),
     "joint axis": ('[[joint]]\nname="a"\naxis=[0,0,0]', "joint 1: the axis has no length"),
     "joint type": ('[[joint]]\nname="a"\ntype="continuous"', "joint 1: 'type' unknown word"),
     "joint name": ("[[joint]]\nxyz=[0,0,0]", "joint 1: the key 'name' is missing"),

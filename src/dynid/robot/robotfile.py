@@ -14,7 +14,6 @@ from dynid.robot import library
 from dynid.robot.body import Body
 from dynid.robot.kinematics import (
     CONVENTIONS,
-    MAX_JOINTS,
     mount_gravity,
     robot_from_chain,
     robot_from_dh,
@@ -287,7 +286,7 @@ def robot_from_toml(
                     if name in _SEVERAL:
                         given = rows = tables(values, name, "", keys)
                     else:
-                        given = TomlTable(values, "", name, keys)
+                        given = TomlTable(values, "", "", keys)
                         rows = [given]
                     found = read(given, robot)
                 robot = replace(robot, **found)
@@ -380,11 +379,9 @@ def _from_dh(top: TomlTable, path: Path) -> RobotModel:
 
 def _from_joints(top: TomlTable, path: Path) -> RobotModel:
     rows = tables(top.raw("joint"), "joint", "", ("name", "type", "xyz", "rpy", "axis"))
-    if not 0 < len(rows) <= MAX_JOINTS:
-        raise RobotError("number of [[joint]] rows", value=len(rows), limit=MAX_JOINTS)
     placements = np.array([_row_pose(row) for row in rows])
     base = _pose(top, "base")
-    if base is not None:
+    if rows and base is not None:
         placements[0] = base @ placements[0]
     robot = robot_from_chain(
         placements=placements,
