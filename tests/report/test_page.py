@@ -130,9 +130,14 @@ def test_a_slide_that_stood_at_zero_without_limits_and_torque_is_drawn(page: Pag
     seen = replace(seen, lower=still * seen.lower, upper=still * seen.upper)
     estimate = replace(estimate, model=replace(model, robot=robot), motion=seen)
     measured, predicted = still * item.shown.measured, still * item.shown.predicted
-    shown = replace(item.shown, measured=measured, predicted=predicted)
+    percent = np.where(still > 0, item.shown.moving.relative_error_percent, np.nan)
+    moving = replace(item.shown.moving, relative_error_percent=percent)
+    shown = replace(item.shown, measured=measured, predicted=predicted, moving=moving)
     gantry = replace(item, estimate=estimate, validation=shown)
-    assert "Uncertainty over poses" in render(replace(contents, estimates=(gantry,)))
+    text = visible(render(replace(contents, estimates=(gantry,))))
+    assert "Uncertainty over poses" in text
+    # There is no error of a joint that did not move: neither in its bar nor in its row.
+    assert " 0 %" not in text
 
 
 def test_measured_torque_is_drawn_where_it_was_measured(page: Page) -> None:

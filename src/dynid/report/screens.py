@@ -183,14 +183,15 @@ def joint_bars(item: ReportedEstimate) -> tuple[Bar, ...]:
     if shown is None:
         return ()
     names = joint_labels(item.estimate.model.robot.joint_names)
-    error = np.nan_to_num(shown.moving.relative_error_percent)
+    relative = shown.moving.relative_error_percent
+    error = np.nan_to_num(relative)
     told = item.estimate.assessment
     noise = None if told is None else 100 * told.sample_noise / np.maximum(told.torque, 1e-9)
     longest = max(float(error.max()), 1e-9 if noise is None else float(noise.max())) * 1.25
     return tuple(
         Bar(
             name=names[j],
-            value=f"{number(float(error[j]), 2)} %",
+            value=f"{number(float(relative[j]), 2)} %",
             share=100 * float(error[j]) / longest,
             tick=None if noise is None else 100 * float(noise[j]) / longest,
         )
