@@ -162,6 +162,13 @@ class Wobble(Trajectory):
         return JointMotion(t=t, q=zeros, dq=zeros, ddq=zeros)  # type: ignore[arg-type]
 
 
+def test_what_a_plan_takes_as_rest_is_written() -> None:
+    # Accelerations of 4e-5 rad/s^2 were refused, after the slow pass, which had a 25th of them.
+    tiny = np.full((6, 1), 1e-6)
+    still = FourierSeries(period=1.0, offset=np.zeros(6), a=0 * tiny, b=tiny)
+    assert "servoj" in ur_program(still)
+
+
 def test_refuses_what_the_controller_cannot_do() -> None:
     moving = FourierSeries(period=1.0, offset=np.zeros(6), a=np.ones((6, 1)), b=np.ones((6, 1)))
     with pytest.raises(InputError, match="at rest"):

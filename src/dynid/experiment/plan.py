@@ -21,6 +21,7 @@ from dynid.trajectory import (
     MotionSequence,
     Repetition,
     Trajectory,
+    require_rest,
     require_share,
     whole_cycles,
 )
@@ -64,7 +65,6 @@ DEVIATION = 0.1
 """Largest distance between target and measured position before a stop [rad or m]."""
 _SPEED_ROOM = 1.1
 _PLACE_ROOM = 0.02
-_REST = {"dq": 1e-3, "ddq": 1e-2}
 _CLOSED = 1e-6
 
 
@@ -114,22 +114,12 @@ class ExperimentPlan:
         self._check_ends()
 
     def _check_ends(self) -> None:
-        ends = self.trajectory.evaluate([0.0, self.trajectory.duration])
-        if ends.q.shape[1] != self.robot.joints:
+        if self.trajectory.joints != self.robot.joints:
             raise InputError(
-                f"the motion has {ends.q.shape[1]} joints but {self.robot.name} has "
+                f"the motion has {self.trajectory.joints} joints but {self.robot.name} has "
                 f"{self.robot.joints}"
             )
-        for name, limit in _REST.items():
-            values = np.abs(getattr(ends, name)).max(axis=0)
-            if (values > limit).any():
-                joint = int(np.argmax(values))
-                word = "velocity" if name == "dq" else "acceleration"
-                raise InputError(
-                    f"joint {joint + 1}: the motion does not start and end at rest ({word})",
-                    value=float(values[joint]),
-                    limit=limit,
-                )
+        ends = require_rest(self.trajectory)
         gap = np.abs(ends.q[1] - ends.q[0])
         if self.repeats and (gap > _CLOSED).any():
             joint = int(np.argmax(gap))

@@ -148,7 +148,7 @@ def around_triangles(faces: Array) -> list[tuple[Array, float, Array]]:
     Returns:
         Points (K, 3) and radius [m] of each, and the corners (P, 3) of the part that it holds.
     """
-    parts = [part.reshape(-1, 3) for part in _parts_of(faces)]
+    parts = [part.reshape(-1, 3) for part in parts_of(faces)]
     return [(*around_points(part), part) for part in parts]
 
 
@@ -184,8 +184,11 @@ def close_bodies(bodies: Sequence[Body], poses: Array) -> set[int]:
     return found
 
 
-def _parts_of(faces: Array) -> list[Array]:
-    """The triangles (T, 3, 3) in up to `PARTS` parts whose hulls take little room together."""
+def parts_of(faces: Array, worth: float = WORTH) -> list[Array]:
+    """The triangles (T, 3, 3) in up to `PARTS` parts whose hulls take little room together.
+
+    One more part must leave at most the share `worth` of the volume before.
+    """
     points, index = np.unique(faces.reshape(-1, 3), axis=0, return_inverse=True)
     parts = [index.reshape(-1, 3)]
     while len(parts) < PARTS:
@@ -198,7 +201,7 @@ def _parts_of(faces: Array) -> list[Array]:
         if not options:
             break
         gain, k, axis, at = min(options)
-        if -gain < (1 - WORTH) * sum(volumes):
+        if -gain < (1 - worth) * sum(volumes):
             break
         low = points[parts[k]].mean(axis=1)[:, axis] < at
         parts[k : k + 1] = [parts[k][low], parts[k][~low]]

@@ -38,6 +38,7 @@ from dynid.trajectory.trajectory import JointMotion as JointMotion
 from dynid.trajectory.trajectory import MotionFamily as MotionFamily
 from dynid.trajectory.trajectory import Trajectory as Trajectory
 from dynid.trajectory.trajectory import require_positive as require_positive
+from dynid.trajectory.trajectory import require_rest as require_rest
 from dynid.trajectory.trajectory import require_share as require_share
 from dynid.trajectory.trajectory import require_whole as require_whole
 from dynid.trajectory.urscript import Piece as Piece

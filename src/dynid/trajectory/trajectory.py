@@ -89,6 +89,30 @@ class Trajectory(ABC):
         """
 
 
+_REST = {"dq": 1e-3, "ddq": 1e-2}
+"""Largest velocity and acceleration of a joint that rests."""
+
+
+def require_rest(trajectory: Trajectory) -> JointMotion:
+    """Both ends of a motion.
+
+    Raises:
+        InputError: A joint does not rest there.
+    """
+    ends = trajectory.evaluate([0.0, trajectory.duration])
+    for name, limit in _REST.items():
+        values = np.abs(getattr(ends, name)).max(axis=0)
+        if (values > limit).any():
+            joint = int(np.argmax(values))
+            word = "velocity" if name == "dq" else "acceleration"
+            raise InputError(
+                f"joint {joint + 1}: the motion does not start and end at rest ({word})",
+                value=float(values[joint]),
+                limit=limit,
+            )
+    return ends
+
+
 class StandingMotion(Trajectory):
     """A motion from one pose to another; before and after, the arm stands still."""
 

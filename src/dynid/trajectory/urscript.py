@@ -11,7 +11,12 @@ from dynid.trajectory.files import KINDS
 from dynid.trajectory.fourier import FourierSeries, harmonic_basis
 from dynid.trajectory.points import MotionSequence, PointToPoint, Repetition
 from dynid.trajectory.quintic import STEP, BSpline, FourierQuintic, Quintic
-from dynid.trajectory.trajectory import Trajectory, require_positive, require_whole
+from dynid.trajectory.trajectory import (
+    Trajectory,
+    require_positive,
+    require_rest,
+    require_whole,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,8 +166,6 @@ def _signed(value: float) -> str:
 
 
 _JOINTS = 6
-_AT_REST = 1e-6
-"""Largest velocity [rad/s] and acceleration [rad/s^2] that counts as rest."""
 _WHOLE = 1e-9
 """How far from a whole number of cycles a period may be, for rounding."""
 _SERVO = "lookahead_time=0.03,gain=500.0"
@@ -226,10 +229,7 @@ def ur_program(
     if total > cycles:
         # Refuses a motion that does not end as it starts.
         Repetition(part=trajectory, times=2)
-    ends = trajectory.evaluate([0.0, trajectory.duration])
-    rest = float(max(np.abs(ends.dq).max(), np.abs(ends.ddq).max()))
-    if rest > _AT_REST:
-        raise InputError("the motion does not start and end at rest", value=rest, limit=_AT_REST)
+    ends = require_rest(trajectory)
     parts = pieces(trajectory)
     way = [*(frozen(pose, shape=(_JOINTS,), name="way point") for pose in via), ends.q[0]]
     servo = f"0, 0, t={decimal(1.0 / rate_hz)},{_SERVO}"
