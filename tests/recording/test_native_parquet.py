@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import copy
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -186,6 +187,17 @@ def test_damaged_description_is_one_error(tmp_path: Path, description: bytes) ->
     pq.write_table(table.replace_schema_metadata({KEY: description}), path)
     with pytest.raises(RecordError):
         read_record(path)
+
+
+def test_another_version_is_refused_in_parts_too(tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    write_record(small_record(), path)
+    table = pq.read_table(path)
+    text = re.sub(rb'"schema": \d+', b'"schema": 99', table.schema.metadata[KEY])
+    pq.write_table(table.replace_schema_metadata({KEY: text}), path)
+    for read in (read_record, lambda file: open_stored(file, load_robot("ur5"))):
+        with pytest.raises(RecordError, match="version"):
+            read(path)
 
 
 @pytest.mark.parametrize(("prefix", "known"), [("", True), ("left_", True), ("my_", False)])
