@@ -21,7 +21,7 @@ from dynid.trajectory import (
     Quintic,
     Repetition,
     Trajectory,
-    ur_program,
+    pieces,
 )
 
 FINE = 200_001
@@ -119,15 +119,31 @@ class Detour(Quintic):
         )
 
 
-def test_a_class_that_builds_on_a_known_one_is_bounded_by_its_own_samples() -> None:
-    motion = Detour(start=np.zeros(6), goal=np.ones(6), travel_time=6.0)
+class Doubled(FourierSeries):
+    """Twice as large as its coefficients say."""
+
+    def evaluate(self, t: ArrayLike) -> JointMotion:
+        half = super().evaluate(t)
+        return JointMotion(t=half.t, q=2 * half.q, dq=2 * half.dq, ddq=2 * half.ddq)
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        Detour(start=np.zeros(6), goal=np.ones(6), travel_time=6.0),
+        Doubled(period=6.0, offset=np.ones(6), a=np.ones((6, 1)), b=np.ones((6, 1))),
+    ],
+)
+def test_a_class_that_builds_on_a_known_one_is_bounded_by_its_own_samples(
+    motion: Trajectory,
+) -> None:
     found, dense = extremes(motion), motion.evaluate(np.linspace(0.0, 6.0, FINE // 10))
     assert not found.proven
     assert (found.upper >= dense.q.max(axis=0)).all()
     assert (found.velocity >= np.abs(dense.dq).max(axis=0)).all()
     assert (found.acceleration >= np.abs(dense.ddq).max(axis=0)).all()
     with pytest.raises(InputError, match="no formula"):
-        ur_program(motion)
+        pieces(motion)
 
 
 @pytest.mark.parametrize("kind", ["fourier", "bspline"])
