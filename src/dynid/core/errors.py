@@ -224,7 +224,7 @@ def require(module: str, extra: str = "") -> ModuleType:
         if not extra:
             raise MissingExtraError(
                 f"this Python was built without its module '{module}'",
-                next_step="Use another Python, or build this one again with the library of it.",
+                next_step="Use another Python, or install its library and build this one again.",
             ) from error
         raise MissingExtraError(
             f"this needs the package '{module.split('.', 1)[0]}'",
@@ -235,7 +235,7 @@ def require(module: str, extra: str = "") -> ModuleType:
         raise MissingExtraError(
             f"the package '{module.split('.', 1)[0]}' is installed, but its import fails",
             value=f"{type(error).__name__}: {error}",
-            next_step=f"Mend what it names, or run: pip install --force-reinstall 'dynid[{extra}]'",
+            next_step=f"Repair that, or run: pip install --force-reinstall 'dynid[{extra}]'",
         ) from error
 
 
