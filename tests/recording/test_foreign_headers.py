@@ -128,6 +128,7 @@ NUMBERED = {
         "Temps [s]",
         named("Position axe {}", "Vitesse axe {}", "Couple axe {} [N.m]", joints=ONE_TO_SIX),
     ),
+    "scripts": ("sample_time_s", named("th{}", "dth{}", "tau{}", joints=ONE_TO_SIX)),
     "dots": ("t", named("theta{}", "theta_dot{}", "tau{}", joints=ONE_TO_SIX)),
     "units behind blanks": ("t s", named("q{} rad", "qd{} rad/s", "tau{} N.m", joints=ONE_TO_SIX)),
     "units in letters": (

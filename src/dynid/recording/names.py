@@ -21,21 +21,22 @@ _SYNONYMS: dict[str, str] = {
     "t": (
         "t time timestamp time_stamp stamp timestamps times sec secs second seconds elapsed "
         "elapsed_time time_s t_s rostime controller_time rec_time time_cont rosbag_timestamp "
-        "datetime date_time zeit zeitstempel tempo ipoc x_value ros_time current_time ts"
+        "datetime date_time zeit zeitstempel tempo ipoc x_value ros_time current_time ts "
+        "sample_time"
     ),
     "q": (
         "q position positions pos jointpos angle angles theta qpos axisqmsr axis_act ai_pos aipos "
         "jpos q_mes qs current_position current_positions current_joint_position "
         "current_joint_positions current_q current_angle current_angles current_joint_angles "
         "qactual f_act_position winkel gelenkwinkel ang istposition istwinkel "
-        "angular_position q_current"
+        "angular_position q_current th"
     ),
     "qd": (
         "qd dq qdot q_dot velocity velocities vel speed dtheta qvel omega qp qdots q_dots jvel "
         "speeds dotq dot_q angular_velocity vels current_velocity current_velocities "
         "current_joint_velocity current_joint_velocities current_qd current_dq current_speed "
         "qdactual act_velo f_act_velocity drehzahl geschwindigkeit istgeschwindigkeit istdrehzahl "
-        "vitesse theta_dot thetadot qv dq_current"
+        "vitesse theta_dot thetadot qv dq_current dth"
     ),
     "qdd": (
         "qdd ddq qddot q_ddot acc acceleration accelerations qacc qpp accel theta_ddot thetaddot"
