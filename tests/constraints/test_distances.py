@@ -152,6 +152,21 @@ def test_closest_points_are_as_far_apart_as_their_bodies(seed: int) -> None:
                 found, ends = bodies.closest(q, int(a), int(b))
                 assert found == pytest.approx(distance, abs=WITHIN)
                 assert np.linalg.norm(ends[1] - ends[0]) == pytest.approx(abs(found), abs=WITHIN)
+                if a >= len(bodies.link):
+                    normal, height = np.split(bodies.planes[a - len(bodies.link)], [3])
+                    assert normal @ ends[0] == pytest.approx(height, abs=WITHIN)
+
+
+@pytest.mark.parametrize("size", [0.2, 5])
+def test_the_nearest_pair_is_found_among_small_and_large_bodies(size: float) -> None:
+    """The search that spares far pairs gives what all distances give."""
+    robot = random_arm(5, 4)
+    wide = tuple(replace(body, points=size * body.points) for body in robot.bodies)
+    bodies, kinds = judged(replace(robot, bodies=wide))
+    pairs = kinds["self_collision"]
+    q = np.random.default_rng(0).uniform(-2, 2, (200, 5))
+    room = bodies.distances(q, pairs.bodies) - np.array(pairs.required)
+    np.testing.assert_allclose(bodies.nearest(q, pairs).room, room.min(axis=1), atol=WITHIN)
 
 
 def test_what_is_proven_of_two_joints_holds_and_what_is_not_so_is_not_proven() -> None:
