@@ -3,8 +3,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.linalg
 from structure_oracles import A2, A3, D4, D5, D6, found, names, reduce, reduced
 
+from dynid.reduction import random_states
 from dynid.robot import RobotModel, load_robot, robot_from_dh
 
 REGROUPING = 1e-6
@@ -99,6 +101,26 @@ def test_a_calibrated_arm_has_the_nominal_structure(scale: float, seed: int) -> 
     # Around 0.01 deg and 0.1 mm it is a matter of chance; never more than one sentence.
     told = ["nominal geometry" in notice.message for notice in base.warnings]
     assert told in {1e-6: [[]], 1e-5: [[]], 1e-4: [[], [True]], 1e-3: [[True]]}[scale]
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_calibrated_arm_regroups_nearly_as_well_as_can_be(seed: int) -> None:
+    """What the base columns of other states leave of the others, by SciPy's own solution."""
+    robot = _calibrated(1e-3, seed)
+    base = reduce(robot)
+    w = base.model.observation_matrix(*random_states(robot, 300, 9))
+    own, others = w[:, list(base.independent)], w[:, list(base.dependent)]
+    best = scipy.linalg.lstsq(own, others)[0]
+    least, left, nominal = (
+        np.linalg.norm(others - own @ k) for k in (best, base.regrouping, base.nominal_regrouping)
+    )
+    assert left < 1.5 * least < nominal
+
+
+def test_the_gap_is_between_the_last_base_parameter_and_the_next() -> None:
+    classes = reduced().classes
+    s = classes.normalised_singular_values
+    assert classes.gap == (s[51] / s[0], s[52] / s[0])
 
 
 @pytest.mark.parametrize(("what", "size"), [("alpha", 0.02), ("d", 2e-4), ("a", 2e-4)])
