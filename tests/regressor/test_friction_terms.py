@@ -1,5 +1,6 @@
 import json
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -7,7 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynid.core import InputError
-from dynid.regressor import TERMS, FrictionTerms, Gear, TorqueRipple, parse_terms, terms_from_json
+from dynid.regressor import (
+    TERMS,
+    FrictionTerms,
+    Gear,
+    LoadFriction,
+    TorqueRipple,
+    parse_terms,
+    terms_from_json,
+)
 
 some_joints = st.none() | st.sets(st.integers(0, 11), min_size=1).map(lambda js: tuple(sorted(js)))
 some_widths = st.floats(0, 10) | st.lists(st.floats(0, 10), min_size=1, max_size=12).map(tuple)
@@ -36,6 +45,16 @@ def test_terms_survive_their_description(friction: FrictionTerms) -> None:
 @settings(derandomize=True)
 def test_terms_survive_a_json_file(friction: FrictionTerms) -> None:
     assert terms_from_json(json.loads(json.dumps(friction.to_json()))) == friction
+
+
+def test_parameters_taken_out_leave_the_others() -> None:
+    load = LoadFriction(joints=(0, 2), parameters=(1.0,) * 30)
+    terms = replace(parse_terms("fc,fv:1+3,fo:2"), load=load)
+    left = terms.without({"Fc2", "Fv3", "Fo2", "Fl1", "mZ3"}, joints=3)
+    assert left.describe() == "fc:1+3,fv:1"
+    assert left.load == replace(load, joints=(2,))
+    assert terms.without({"mZ3"}, joints=3) == terms
+    assert terms.without({"Fl1", "Fl3"}, joints=3).load is None
 
 
 @given(st.text(alphabet="fcvimorsa:,+0123456789 -²x", max_size=40) | st.text(max_size=20))
