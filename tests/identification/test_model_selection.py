@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from known_robot import recording, ur5
+from known_robot import NOISE, recording, ur5
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
@@ -27,6 +28,7 @@ from dynid.identification import (
     not_negative,
     published_prior,
     read_estimate,
+    standard_posterior,
     write_estimate,
 )
 from dynid.identification.selection.columns import (
@@ -270,6 +272,41 @@ def test_an_estimate_carries_left_out_errors_models_and_intervals(tmp_path: Path
         result.estimate.half_width(q, zero, zero, level=1.5)
     with pytest.raises(InputError, match="no torque intervals"):
         replace(result.estimate, assessment=None).half_width(q, zero, zero)
+
+
+def test_the_noise_floor_leaves_out_what_changes_slowly() -> None:
+    drift = np.sin(2 * np.pi * np.arange(2500) / 125.0 / 7.0)[:, None] * NOISE
+    run = recording(0, seconds=20.0, offset=drift)
+    told = identify(run, ur5(), IdentifySettings(preset="paper")).estimate.assessment
+    assert told is not None
+    np.testing.assert_allclose(told.noise_floor, NOISE, rtol=0.06)
+    assert (told.this_motion > 1.15 * told.noise_floor).all()
+
+
+def test_standard_parameters_are_the_published_ones_corrected_by_bayes_rule() -> None:
+    """Against the information form, as least squares of both sources together."""
+    result = identify(recording(0), ur5(), IdentifySettings(preset="paper"))
+    estimate, base = result.estimate, reduce_model(result.estimate.model)
+    found = standard_posterior(estimate, base)
+    mapping = np.column_stack([base.from_standard(unit) for unit in np.eye(78)])
+    friction = [
+        np.abs(estimate.values[[name.startswith(kind) for name in estimate.names]]).max()
+        for kind in ("Fc", "Fv", "Im")
+    ]
+    spread = scipy.linalg.block_diag(
+        deviations(ur5(), "dh"), *(size * np.eye(6) for size in friction)
+    )
+    prior = np.concatenate([inertial_prior(ur5(), "dh").parameters.ravel(), np.zeros(18)])
+    whiten = np.linalg.inv(np.linalg.cholesky(estimate.covariance))
+    rows = np.vstack([np.eye(78), whiten @ mapping @ spread])
+    seen = np.concatenate([np.zeros(78), whiten @ (estimate.values - mapping @ prior)])
+    moved = np.linalg.lstsq(rows, seen, rcond=None)[0]
+    left = spread @ np.linalg.inv(rows.T @ rows) @ spread.T
+    np.testing.assert_allclose(found.std, np.sqrt(np.diag(left)), rtol=SAME)
+    assert (np.abs(found.values - prior - spread @ moved) < SAME * found.std).all()
+    share = np.diag(left) / np.diag(spread @ spread.T)
+    np.testing.assert_allclose(found.prior_share, share, rtol=SAME)
+    assert [origin == "prior" for origin in found.origins] == (share > 0.5).tolist()
 
 
 def test_the_order_of_recordings_changes_nothing() -> None:
