@@ -199,6 +199,12 @@ def test_limits_that_mean_nothing_are_unknown() -> None:
     inside = '<axis xyz="0 0 1"/><limit lower="-inf" upper="1e10" effort="-1" velocity="inf"/>'
     robot = robot_from_urdf(_links(chain(joint("j", "a", "b", inside=inside)), "ab"))
     assert np.isnan([robot.limits.lower, robot.limits.upper, robot.limits.torque]).all()
+    # Of planar bases: no motion was found between them.
+    inside = '<axis xyz="0 0 1"/><limit lower="-999999" upper="2" effort="5" velocity="1"/>'
+    robot = robot_from_urdf(_links(chain(joint("j", "a", "b", inside=inside)), "ab"))
+    assert np.isnan(robot.limits.lower).all()
+    assert robot.limits.upper == 2
+    assert any("j: lower limit of -1e+06 read as unknown" in note for note in robot.notes)
     inside = '<axis xyz="0 0 1"/><limit lower="0" upper="0" effort="5" velocity="1"/>'
     robot = robot_from_urdf(_links(chain(joint("j", "a", "b", inside=inside)), "ab"))
     assert np.isnan(robot.limits.lower).all()

@@ -313,7 +313,7 @@ def _joint(
 
 
 UNLIMITED = 1e4
-"""Files write such a velocity, or a larger one, where they know no limit [rad/s or m/s]."""
+"""Files write such positions and velocities, or larger ones, where they know no limit [SI]."""
 
 
 def _limits(
@@ -340,11 +340,13 @@ def _limits(
         soft_upper = float(np.fmin(upper, read_bound(soft, "soft_upper_limit", where)))
         if soft_lower < soft_upper:
             lower, upper = soft_lower, soft_upper
-    speed = read_bound(found, "velocity", where)
+    known = {"lower": lower, "upper": upper, "velocity": read_bound(found, "velocity", where)}
+    for bound, value in known.items():
+        if abs(value) >= UNLIMITED:
+            notes.append(f"joint {printable(name)}: {bound} limit of {value:.4g} read as unknown")
+            known[bound] = nan
+    lower, upper, speed = known.values()
     effort = read_bound(found, "effort", where)
-    if speed >= UNLIMITED:
-        notes.append(f"joint {printable(name)}: velocity limit of {speed:.4g} read as unknown")
-        speed = nan
     # Zero or less is how files say that they do not know.
     return lower, upper, speed if speed > 0 else nan, effort if effort > 0 else nan
 
