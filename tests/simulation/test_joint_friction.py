@@ -82,6 +82,21 @@ def test_the_ideal_law_is_exact_but_for_the_crossings(width: float) -> None:
     assert np.sqrt((error**2).mean()) < 2e-2
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        # The ideal law took the breakaway torque and the load of the other one.
+        {"width": 1e-2, "stribeck_velocity": [10.0], "load_factor": [0.1]},
+        # A joint without any was a division by zero.
+        {"coulomb": [0.0], "breakaway": [0.0]},
+    ],
+)
+def test_friction_that_is_not_there_does_not_act(change: dict[str, object]) -> None:
+    law = friction(**change)
+    for state in drive(one_joint(law, gravity=9.8), lambda t: 0.5 * t, 2.0)[60:]:
+        np.testing.assert_allclose(state.friction, law.coulomb + 4.0 * state.dq, rtol=1e-6)
+
+
 def test_no_chatter_when_the_sign_changes() -> None:
     # With the paper's width of 1e-3 rad/s an explicit step would shake by Fc h / J = 9 mrad/s.
     arm = one_joint(ideal_friction(np.array([5.0]), np.array([0.0]), 1e-3))

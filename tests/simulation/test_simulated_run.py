@@ -19,7 +19,7 @@ from dynid.simulation import (
     simulated_arm,
     ur5_truth,
 )
-from dynid.trajectory import FourierSeries, Quintic, random_excitation
+from dynid.trajectory import BSplineFamily, FourierSeries, Quintic, random_excitation
 
 
 def test_shapes_and_clock(run: SimulatedRun) -> None:
@@ -83,6 +83,16 @@ def test_periods_repeat_after_the_first(arm: SimulatedArm, motion: FourierSeries
     second, third = run.truth.torque[1250:2500], run.truth.torque[2500:]
     assert np.abs(second - third).max() < 1e-2
     assert len(run.t) == 3750
+
+
+def test_a_motion_that_is_no_series_repeats_too(arm: SimulatedArm) -> None:
+    """The arm stood still from the second period on."""
+    pose = np.array([0.0, -1.4, 1.2, -1.3, -1.2, 0.3])
+    ways = 0.2 * np.random.default_rng(0).normal(size=(6, 4))
+    loop = BSplineFamily(travel_time=2.0, points=4).trajectory(pose, ways)
+    _, second, third = simulate(arm, loop, periods=3).signals["target_q"].reshape(3, 250, 6)
+    np.testing.assert_allclose(second, third, rtol=0, atol=1e-9)
+    assert np.ptp(second, axis=0).min() > 0.05
 
 
 def test_longer_lookahead_and_softer_gain(ur5: RobotModel, motion: FourierSeries) -> None:
@@ -195,6 +205,10 @@ def test_counterbalances_carry_their_share(ur5: RobotModel, motion: FourierSerie
     difference = alone.truth.torque - helped.truth.torque
     moving = np.abs(alone.truth.dq[:, 1]) > 0.2
     np.testing.assert_allclose(difference[moving, 1], share[moving], rtol=0, atol=1.5)
+    # Of two on one joint the last one alone acted.
+    both = simulate(ideal_arm(replace(ur5, counterbalances=(spring, spring)), parameters), motion)
+    difference = helped.truth.torque - both.truth.torque
+    np.testing.assert_allclose(difference[moving, 1], share[moving], rtol=0, atol=1.5)
 
 
 def test_sensors() -> None:
@@ -211,8 +225,10 @@ def test_sensors() -> None:
 
 
 def test_refuses_what_cannot_be(arm: SimulatedArm, ur5: RobotModel, motion: FourierSeries) -> None:
-    with pytest.raises(InputError, match="periods"):
+    with pytest.raises(InputError, match="repetitions"):
         simulate(arm, motion, periods=0)
+    with pytest.raises(InputError, match="position jumps"):
+        simulate(arm, Quintic(start=np.zeros(6), goal=np.ones(6), travel_time=1.0), periods=2)
     with pytest.raises(InputError, match="control rate"):
         simulate(arm, motion, rate_hz=5000)
     with pytest.raises(InputError, match="thermal state"):

@@ -84,7 +84,13 @@ def test_refuses_other_states(state: object) -> None:
 
 
 @pytest.mark.parametrize(
-    "change", [{"resistance": [0.0]}, {"capacity": [float("nan")]}, {"winding": [-1.0]}]
+    "change",
+    [
+        {"resistance": [0.0]},
+        {"capacity": [float("nan")]},
+        {"winding": [-1.0]},
+        {"warm_degC": [float("nan")]},
+    ],
 )
 def test_refuses_numbers_that_cannot_be(change: dict[str, object]) -> None:
     with pytest.raises(InputError):

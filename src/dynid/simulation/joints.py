@@ -101,11 +101,11 @@ class JointThermal:
 
     def __post_init__(self) -> None:
         n = np.size(self.resistance)
-        for name in ("resistance", "capacity", "winding", "warm_degC"):
-            value = frozen(getattr(self, name), shape=(n,), name=f"thermal {name}", finite=False)
-            object.__setattr__(self, name, value)
-            wrong = np.isnan(value) | (value < 0 if name == "winding" else value <= 0)
-            if wrong.any() and name != "warm_degC":
+        freeze(self, "thermal", resistance=(n,), winding=(n,), warm_degC=(n,))
+        freeze(self, "thermal", finite=False, capacity=(n,))
+        for name in ("resistance", "capacity", "winding"):
+            value = getattr(self, name)
+            if not ((value >= 0) if name == "winding" else (value > 0)).all():
                 raise InputError(f"thermal {name} must be positive", value=value.tolist())
 
     def start(self, state: Thermal) -> Array:

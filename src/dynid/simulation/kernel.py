@@ -55,6 +55,8 @@ def mujoco_model(robot: RobotModel, inertials: Array, armature: Array, step: flo
 
 THETA_TANH = 0.55
 """Near 1/2, so that friction acts at the recorded velocity; above it, so that standstill damps."""
+_LEAST = 1e-9
+"""Dry friction of a joint without any: bristles need a force at which they slide [N.m]."""
 _SWEEPS = 100
 _TOLERANCE = 1e-12
 
@@ -165,7 +167,7 @@ def drive(
         matrix[j, j] += 0.5 * step * joint[5, j] / theta
         velocity = motion[0, j]
         fade = math.exp(-((velocity / dry[1, j]) ** 2))
-        level[j] = joint[4, j] + dry[2, j] * out[2, j] + dry[0, j] * fade
+        level[j] = max(joint[4, j] + dry[2, j] * out[2, j] + dry[0, j] * fade, _LEAST)
         u[j] = velocity + theta * step * motion[1, j]
     for i in range(n):
         total = step * (out[0, i] + joint[1, i] - bias[i] - joint[5, i] * motion[0, i])

@@ -12,7 +12,7 @@ from dynid.core import Array, InputError, JobError, frozen, read_only, require
 from dynid.simulation.joints import PlantState, Servo, Target, Thermal
 from dynid.simulation.kernel import Tracker, drive, mujoco_model, predict
 from dynid.simulation.truth import GroundTruth, SimulatedArm
-from dynid.trajectory import Trajectory
+from dynid.trajectory import Repetition, Trajectory
 
 PHYSICS_STEP = 5e-4
 """Longest step of the physics [s]."""
@@ -152,6 +152,8 @@ class SimulatedPlant:
                 zero,
             ]
         )
+        if friction.width is not None:
+            self._dry[[0, 2]] = 0.0
         self._motion, self._out = np.zeros((2, n)), np.zeros((5, n))
 
     def _advance(self, reference: Array) -> None:
@@ -162,9 +164,11 @@ class SimulatedPlant:
         """
         predict(self._qvel, self._motion[0], self._motion[1], self._step)
         self._first_half(self._model, self._data)
+        if self.arm.robot.counterbalances:
+            self._joint[1] = 0.0
         for spring in self.arm.robot.counterbalances:
             joint = spring.joint
-            self._joint[1, joint] = spring.torque(self._q[joint : joint + 1])[0]
+            self._joint[1, joint] += spring.torque(self._q[joint : joint + 1])[0]
         fastest = drive(
             *self._forces,
             reference,
@@ -262,25 +266,24 @@ def simulate(
         arm: The simulated arm.
         trajectory: What to command.
         rate_hz: Control cycles, and samples, a second.
-        periods: How many times the trajectory's duration.
+        periods: How many times; more than once it must end as it starts.
         thermal: `cold`, `warm`, one temperature or one a joint [degC], at the start.
         seed: Seed of the measurement noise.
 
     Raises:
-        InputError: Periods that are not positive, a trajectory for another number of joints, or
-            what `Plant` refuses.
+        InputError: What `Repetition` or `SimulatedPlant` refuses, or a trajectory for another
+            number of joints.
         JobError: The simulated arm ran away.
         MissingExtraError: MuJoCo is not installed.
     """
-    if periods < 1:
-        raise InputError("periods must be positive", value=periods)
-    first = trajectory.evaluate(np.zeros(1)).q[0]
+    motion = Repetition(part=trajectory, times=periods)
+    first = motion.evaluate(np.zeros(1)).q[0]
     if len(first) != arm.robot.joints:
         raise InputError("joints of the trajectory", value=len(first), limit=arm.robot.joints)
     plant = SimulatedPlant(arm, rate_hz=rate_hz, thermal=thermal, pose=first)
     start = plant.temperature
-    count = max(round(trajectory.duration * periods * rate_hz), 2)
-    command = trajectory.evaluate(np.arange(count) / rate_hz)
+    count = max(round(motion.duration * rate_hz), 2)
+    command = motion.evaluate(np.arange(count) / rate_hz)
     truth = stacked([plant.tick(setpoint) for setpoint in command.q])
     signals = recorded(arm.truth, truth, np.random.default_rng(seed))
     return SimulatedRun(

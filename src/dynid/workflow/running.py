@@ -67,7 +67,7 @@ def simulate_recording(
             tool.
         trajectory: What to command: a trajectory, a design, or the file of either.
         rate_hz: Control cycles, and samples, a second.
-        periods: How many times the trajectory's duration.
+        periods: How many times; more than once it must end as it starts.
         thermal: `cold`, `warm`, one temperature or one a joint [degC], at the start.
         seed: Seed of the measurement noise.
 
