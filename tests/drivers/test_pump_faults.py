@@ -42,6 +42,8 @@ class Link:
 class Broken:
     """A conversation that fails as no error of ours is meant to."""
 
+    halted = 0
+
     def answer(self, numbers: Any) -> bytes | None:
         raise ZeroDivisionError("a bug")
 
@@ -50,6 +52,9 @@ class Broken:
 
     def over(self, cycle: Any, numbers: Any) -> bool:
         return False
+
+    def halt(self) -> None:
+        self.halted += 1
 
 
 class Begun(Broken):
@@ -70,8 +75,7 @@ class Waiting(Begun):
 
 def watched(link: Any, layout: Layout, conversation: Broken) -> Pump:
     watchdog = Watchdog(LIMITS, 125.0, EXECUTION.total)
-    cancel = threading.Event()
-    return Pump(link, layout, watchdog, conversation, halt=lambda: None, cancel=cancel)
+    return Pump(link, layout, watchdog, conversation, cancel=threading.Event())
 
 
 @pytest.mark.parametrize(
@@ -133,20 +137,13 @@ def test_another_program_is_not_waited_for_after_the_last_sample(
 
 def test_a_bug_stops_the_robot_and_is_raised_where_it_is_seen() -> None:
     layout = recorded((3, 15, 8))
-    halted: list[str] = []
     link: Any = Link(layout)
-    pump = Pump(
-        link,
-        layout,
-        Watchdog(LIMITS, 125.0, EXECUTION.total),
-        Broken(),
-        halt=lambda: halted.append("stop"),
-        cancel=threading.Event(),
-    )
+    conversation = Broken()
+    pump = watched(link, layout, conversation)
     pump.start()
     with pytest.raises(ZeroDivisionError, match="a bug"):
         Intake(EXECUTION, layout, None, None).take(pump)
-    assert halted == ["stop"]
+    assert conversation.halted == 1
     assert not pump.is_alive()
     assert pump.abort is not None
     assert pump.abort.code == "program"

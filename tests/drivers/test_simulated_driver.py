@@ -145,6 +145,9 @@ def test_a_motion_for_other_joints_is_refused() -> None:
 
 
 def test_nothing_is_recorded_without_a_recorder() -> None:
-    one = driver()
-    outcome = one.execute(gentle_execution(), None)
+    one, told = driver(), [0.0]
+    outcome = one.execute(gentle_execution(), None, progress=lambda _, share: told.append(share))
     assert (outcome.samples, outcome.abort, one.states) == (0, None, [])
+    # Nothing was told of slow and settling periods.
+    assert told[-1] == 1.0
+    assert max(np.diff(told)) < 0.05

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -238,7 +239,8 @@ def _stream(control: _Control, packages: int) -> list[bytes | None]:
     execution = gentle_execution()
     layout, feed = recorded((3, 15, 8)), Recipe.of(["input_int_register_24"], ["INT32"], 1)
     way = Way(control, (*POINTS, execution.setpoints()[0]))
-    stream = Stream(control, layout, feed, execution, way)
+    port: Any = None
+    stream = Stream(control, layout, feed, port, execution, way)
     try:
         while not way.arrived.wait(0.01) and way.is_alive():
             pass
@@ -329,6 +331,29 @@ def test_the_way_to_the_start_ends_with_the_process() -> None:
         seen.wait_for(lambda row: abs(seen.number(row, "target_qd")) < STILL)
         q = seen.column("target_q")
         assert np.abs(q[-1] - (MIDDLE + 2.0)).max() > 0.5
+
+
+@pytest.mark.realtime
+def test_the_way_to_the_start_ends_where_a_stop_is_not_obeyed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The program of ur_rtde was kept alive for 3 s, in which the arm went on by 1.5 rad."""
+    pytest.importorskip("rtde_control")
+    monkeypatch.setattr("dynid.drivers.ur.driver.STOP_PROGRAM", "")
+    cancel = threading.Event()
+    with controller_process("ur5", host=own_address()) as running, Observer(running.host) as seen:
+        state = inspect(running.host)
+        far = replace(gentle_execution(1), via=(state.q, MIDDLE + 2.0))
+        driver = ServojDriver(state)
+        run = threading.Thread(target=driver.execute, args=(far, None), kwargs={"cancel": cancel})
+        run.start()
+        seen.wait_for(lambda row: abs(seen.number(row, "target_qd")) > 0.9 * APPROACH, 60.0)
+        before = seen.packages[-1]
+        cancel.set()
+        run.join()
+    place = seen.layout.places["target_q"]
+    way = np.subtract(seen.packages[-1][place], before[place])
+    assert np.abs(way).max() < 0.5
 
 
 @pytest.mark.realtime

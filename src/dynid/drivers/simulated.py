@@ -21,7 +21,7 @@ from dynid.drivers.driver import (
 from dynid.simulation import PlantState, SimulatedArm, SimulatedPlant, Thermal, recorded, stacked
 
 _BLOCK = 8
-"""Cycles that are measured and recorded together: less than the 0.1 s in which a stop is due."""
+"""Cycles that are recorded, or told, together: less than the 0.1 s in which a stop is due."""
 STOP_S = 0.08
 """Time in which a stop takes the set points to rest [s]."""
 _STANDSTILL, _STANDSTILL_S = 1e-3, 2.0
@@ -95,7 +95,8 @@ class SimulatedDriver(Driver):
                 block.append(state)
             if abort is None and cancel is not None and cancel.is_set():
                 abort = INTERRUPTED
-            if abort is None and len(block) < _BLOCK and k + 1 < execution.total:
+            more = (len(block) or k + 1) % _BLOCK > 0 and k + 1 < execution.total
+            if abort is None and more:
                 continue
             if recorder is not None:
                 samples, refused = self._record(recorder, block, samples, execution.rate_hz)

@@ -60,7 +60,7 @@ class UrRtde:
 
     def _answer(self) -> Any:
         if not select.select([self._answers], [], [], ANSWER_S)[0]:
-            self._process.kill()
+            self.kill()
             raise RuntimeError(f"ur_rtde does not answer within {ANSWER_S:g} s")
         line = self._answers.readline()
         if not line:
@@ -70,9 +70,13 @@ class UrRtde:
             raise RuntimeError(fault)
         return value
 
-    def close(self) -> None:
-        """End it at once; who waits for an answer is told."""
+    def kill(self) -> None:
+        """End it at once, without a wait; who waits for an answer is told."""
         self._process.kill()
+
+    def close(self) -> None:
+        """End it, and wait for its end."""
+        self.kill()
         with self._lock:
             self._process.communicate()
 

@@ -115,7 +115,6 @@ class RtdeDriver(Driver):
                         layout,
                         watchdog,
                         converse(layout, feed, port),
-                        halt=lambda: halt(port),
                         cancel=wish,
                     )
                     pump.start()
@@ -175,6 +174,10 @@ class _Program:
         stopped = cycle.runtime_state != RuntimeState.PLAYING
         return stopped or self._layout.number(numbers, STATE) == DONE
 
+    def halt(self) -> None:
+        """Another program takes its place; it is fed no more."""
+        halt(self._port)
+
 
 def halt(port: ScriptPort) -> None:
     """Stop by a program; if that port is gone, by the dashboard. Starving it stops it anyway."""
@@ -223,7 +226,9 @@ class ServojDriver(RtdeDriver):
         control, starts = self._control(self.state.host), execution.setpoints()[:1]
         way = Way(control, (*execution.via[1:], *starts))
         try:
-            outcome = record(lambda layout, feed, _: Stream(control, layout, feed, execution, way))
+            outcome = record(
+                lambda layout, feed, port: Stream(control, layout, feed, port, execution, way)
+            )
             if outcome.abort is None:
                 # If that fails, its watchdog ends the program: nobody kicks it any more.
                 with suppress(RuntimeError):
@@ -295,9 +300,16 @@ class Stream:
     """The conversation: each package that arrives lets one set point go, once the way is over."""
 
     def __init__(
-        self, control: Any, layout: Layout, feed: Recipe, execution: Execution, way: Way
+        self,
+        control: Any,
+        layout: Layout,
+        feed: Recipe,
+        port: ScriptPort,
+        execution: Execution,
+        way: Way,
     ) -> None:
         self._control, self._feed, self._execution = control, feed, execution
+        self._port = port
         self._path, self._layout = execution.setpoints(), layout
         self._setpoints = self._path.tolist()
         self._target, self._way = layout.places["target_q"], way
@@ -363,3 +375,8 @@ class Stream:
     def over(self, cycle: Cycle, numbers: Numbers) -> bool:
         """Whether the arm has had the time to arrive at the last set point."""
         return self._next > self._execution.total + self._hold
+
+    def halt(self) -> None:
+        """Whatever becomes of the stop, the watchdog of ur_rtde's program is kicked no more."""
+        self._control.kill()
+        halt(self._port)

@@ -4,7 +4,6 @@ import os
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from typing import Protocol
@@ -60,12 +59,16 @@ class Conversation(Protocol):
         """Whether it has ended, its last set point seen."""
         ...
 
+    def halt(self) -> None:
+        """Stop the robot, and feed no watchdog any more; from any thread."""
+        ...
+
 
 class Pump(threading.Thread):
     """Reads packages until the motion has ended and the robot stands still.
 
     It never waits for the disk: packages go to `rows`, which another thread empties. The watchdog
-    judges every cycle from the motion's begin on; `halt` stops the robot, once.
+    judges every cycle from the motion's begin on; the conversation halts the robot, once.
     """
 
     def __init__(
@@ -75,7 +78,6 @@ class Pump(threading.Thread):
         watchdog: Watchdog,
         conversation: Conversation,
         *,
-        halt: Callable[[], None],
         cancel: threading.Event,
     ) -> None:
         super().__init__(name="dynid-rtde", daemon=True)
@@ -88,9 +90,8 @@ class Pump(threading.Thread):
         self.fault: Exception | None = None
         """An error of ours that ended this thread, to be raised where somebody sees it."""
         self._link, self._layout, self._watchdog = link, layout, watchdog
-        self._conversation, self._halt, self._cancel = conversation, halt, cancel
+        self._conversation, self._cancel = conversation, cancel
         self._begun = self._ended = False
-        self._refused: Abort | None = None
         self._pause = 0.0
         self._backlog = round(BACKLOG_S * link.rate_hz)
         self._patience = round(START_S * link.rate_hz)
@@ -112,7 +113,7 @@ class Pump(threading.Thread):
                 facts = [f"no package came for {self._pause:.2g} s", *facts]
             said = "; ".join(dict.fromkeys(facts))
             self.abort = replace(abort, message=f"{abort.message} ({said})") if said else abort
-        self._halt()
+        self._conversation.halt()
 
     def run(self) -> None:
         """See `threading.Thread`."""
@@ -160,17 +161,17 @@ class Pump(threading.Thread):
         self._ended = over or self._after <= 0
 
     def _answer(self, cycle: Cycle, numbers: Numbers) -> None:
+        words = refused = None
         try:
             words = self._conversation.answer(numbers)
         except Refused as error:
-            # The state that explains it is in this package, or in the next.
-            words = None
-            self._refused = self._refused or Abort("program", str(error))
+            # The state that explains it comes first.
+            refused = Abort("program", str(error))
         if words is not None:
             self._link.write(words)
         if self._cancel.is_set():
             self.stop(INTERRUPTED)
-        elif abort := self._watchdog.see(cycle, begun=self._begun) or self._refused:
+        elif abort := self._watchdog.see(cycle, begun=self._begun) or refused:
             self.stop(abort)
         elif not self._begun:
             self._patience -= 1
