@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from dynid.experiment.plan import watch_limits
 from dynid.recording import RecordMetadata, RecordWriter, read_record
 from dynid.robot import load_robot
 from dynid.simulation import simulate, simulated_arm
+from dynid.trajectory import FourierSeries, Quintic
 
 STOP_S = 0.1
 STILL = 0.01
@@ -127,6 +129,27 @@ def test_a_joint_beyond_its_limit_stops_the_arm() -> None:
     assert outcome.abort is not None
     assert outcome.abort.code == "limit"
     assert 0 < outcome.samples < CYCLES
+
+
+SWING = FourierSeries(period=2.0, offset=np.zeros(6), a=np.full((6, 1), 0.25), b=np.zeros((6, 1)))
+AWAY = Quintic(start=np.zeros(6), goal=np.ones(6), travel_time=2.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"rate_hz": 0.0}, "control rate"),
+        ({"rate_hz": 100.3}, "whole number of control cycles"),
+        ({"trajectory": SWING}, "start and end at rest"),
+        ({"trajectory": AWAY, "periods": 2}, "position jumps"),
+    ],
+)
+def test_a_motion_that_begins_ends_or_repeats_with_a_jerk_is_refused(
+    changes: dict[str, Any], said: str
+) -> None:
+    """Set points were streamed of one that starts at 0.8 rad/s."""
+    with pytest.raises(InputError, match=said):
+        replace(gentle_execution(), **changes)
 
 
 def test_a_motion_for_other_joints_is_refused() -> None:

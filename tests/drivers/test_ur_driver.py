@@ -18,7 +18,7 @@ from controllers import Observer
 from gentle_motion import CYCLES, MIDDLE, RATE, ListRecorder, gentle, gentle_execution
 
 from dynid.core import InputError, JobError
-from dynid.drivers import Outcome, ServojDriver, UrDriver, inspect
+from dynid.drivers import Cycle, Outcome, ServojDriver, UrDriver, inspect
 from dynid.drivers.ur.driver import APPROACH, SLACK, Stream, Way
 from dynid.drivers.ur.link import CONNECT_S, SILENCE_S, Dashboard, RtdeLink
 from dynid.drivers.ur.pump import Refused
@@ -241,6 +241,10 @@ def _stream(control: _Control, packages: int) -> list[bytes | None]:
     way = Way(control, (*POINTS, execution.setpoints()[0]))
     port: Any = None
     stream = Stream(control, layout, feed, port, execution, way)
+    # A register that nobody has written holds the number of the first set point.
+    still = dict.fromkeys(("q", "qd", "target_q"), np.zeros(6))
+    assert not stream.begun(Cycle(timestamp=0.0, index=0, **still), ())
+    assert stream.begun(Cycle(timestamp=0.0, index=-1, **still), ())
     try:
         while not way.arrived.wait(0.01) and way.is_alive():
             pass

@@ -13,7 +13,14 @@ from numpy.typing import ArrayLike
 
 from dynid.core import Array, Finding, InputError, Progress, freeze
 from dynid.protocol import RobotMode, RuntimeState, SafetyMode
-from dynid.trajectory import Trajectory, require_whole
+from dynid.trajectory import (
+    Repetition,
+    Trajectory,
+    require_positive,
+    require_rest,
+    require_whole,
+    whole_cycles,
+)
 
 WATCHDOG_HZ = 10.0
 """How often a program on a controller must be fed; without it that stops it after 0.1 s."""
@@ -289,12 +296,13 @@ class Execution:
     """A motion to execute: whole periods, one after the other, from rest.
 
     Raises:
-        InputError: No period or part of one, a rate that is not positive, or a motion shorter than
-            two cycles.
+        InputError: No period or part of one, a rate that is not positive, a period that is no
+            whole number of cycles or shorter than two, or a motion that does not start and end at
+            rest or, to be repeated, where it starts.
     """
 
     trajectory: Trajectory
-    """One period; it starts and ends at rest at the same pose."""
+    """One period."""
     periods: int = 3
     """Periods to record."""
     settle: int = 0
@@ -310,10 +318,12 @@ class Execution:
     def __post_init__(self) -> None:
         require_whole("periods", self.periods, 1)
         require_whole("settling periods", self.settle, 0)
-        if not (math.isfinite(self.rate_hz) and self.rate_hz > 0):
-            raise InputError("the control rate must be positive", value=self.rate_hz)
-        if self.cycles < 2:
-            raise InputError("the motion is shorter than two control cycles", value=self.cycles)
+        require_positive("the control rate", self.rate_hz)
+        whole_cycles(self.trajectory.duration, self.rate_hz)
+        require_rest(self.trajectory)
+        if self.settle + self.periods > 1:
+            # Refuses a motion that does not end as it starts.
+            Repetition(part=self.trajectory, times=2)
 
     @property
     def cycles(self) -> int:

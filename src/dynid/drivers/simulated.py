@@ -45,7 +45,7 @@ class SimulatedDriver(Driver):
         self.arm = arm
         self.seed = seed
         self.states: list[PlantState] = []
-        """The exact states behind the recorded samples: the truth, for tests alone."""
+        """The exact states behind the recorded samples: the truth."""
         self.rest: PlantState | None = None
         """The state in which the last execution left the arm."""
         self._start = arm.truth.thermal.start(thermal)

@@ -370,7 +370,7 @@ class Stream:
 
     def begun(self, cycle: Cycle, numbers: Numbers) -> bool:
         """Whether ur_rtde's program runs and our number has arrived."""
-        return cycle.runtime_state == RuntimeState.PLAYING and cycle.index <= 0
+        return cycle.runtime_state == RuntimeState.PLAYING and cycle.index < 0
 
     def over(self, cycle: Cycle, numbers: Numbers) -> bool:
         """Whether the arm has had the time to arrive at the last set point."""
