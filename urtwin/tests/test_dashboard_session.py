@@ -137,6 +137,14 @@ def test_a_program_is_loaded_played_paused_and_stopped(machine, session):
     assert session.answer("play") == words.STARTING
     assert session.answer("stop") == words.STOPPED
     assert session.answer("programState").startswith("STOPPED work")
+    # It had the name of the last script from then on.
+    machine.run_script("def other():\n sleep(0.1)\nend")
+    machine.tick()
+    assert session.answer("programState") == "PLAYING other"
+    assert session.answer("get loaded program") == "Loaded program: work.urp"
+    run(machine, 20)
+    assert session.answer("play") == words.STARTING
+    assert session.answer("programState") == "PLAYING work.urp"
 
 
 def test_power_goes_off_and_on_again(machine, session):

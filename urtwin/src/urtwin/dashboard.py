@@ -86,7 +86,7 @@ class DashboardSession:
             "safetystatus": lambda: f"Safetystatus: {machine.core.safety.mode.name}",
             "programstate": lambda: f"{machine.core.runtime.name} {machine.program_name or 'null'}",
             "get loaded program": self._loaded,
-            "isprogramsaved": lambda: f"true {machine.program_name or 'null'}",
+            "isprogramsaved": lambda: f"true {machine.loaded_name or 'null'}",
             "power on": lambda: self._try("power on", machine.power_on(), words.POWERING_ON),
             "power off": lambda: self._try("power off", machine.power_off(), words.POWERING_OFF),
             "brake release": lambda: self._try(
@@ -147,7 +147,7 @@ class DashboardSession:
         return words.UNLOCKING if unlocked else words.UNLOCK_TOO_EARLY
 
     def _loaded(self) -> str:
-        name = self._machine.program_name
+        name = self._machine.loaded_name
         return f"Loaded program: {name}" if name else words.NO_PROGRAM
 
     def _load(self, name: str) -> str:

@@ -49,8 +49,10 @@ class Programs:
         self._beside: list[ScriptRun] = []
         self._loaded: CompiledProgram | None = None
         self._started = 0
+        self.loaded_name = ""
+        """The program that is loaded; empty for none."""
         self.program_name = ""
-        """The program that runs, or the loaded one; empty for none."""
+        """The program that runs, else the loaded one."""
 
     def run_script(self, text: str) -> None:
         """Run a script as if sent to a script port: it replaces the running program.
@@ -66,8 +68,11 @@ class Programs:
         words, kind = f"compile error: {error}", MessageKind.EXCEPTION
         self.core.say(words, "program", 0, kind, title=error.code, line=error.line)
 
-    def run_program(self, program: CompiledProgram) -> None:
-        """Start a compiled script in place of the running one; a secondary one beside it."""
+    def run_program(self, program: CompiledProgram, name: str = "") -> None:
+        """Start a compiled script in place of the running one; a secondary one beside it.
+
+        Its `name` is its own where none is given.
+        """
         core = self.core
         if core.mode != RobotMode.RUNNING or core.safety.stopped:
             core.say(f"{program.name}: the robot is not ready to run a program", "controller", 1)
@@ -80,7 +85,7 @@ class Programs:
             self._beside.append(execution)
             return
         self.stop()
-        self._main, self.program_name = execution, program.name
+        self._main, self.program_name = execution, name or program.name
         self._started += 1
         core.arm.draw_anew(self._started)
         core.playing, core.paused = True, False
@@ -96,7 +101,7 @@ class Programs:
         if program is None:
             return False
         self.stop()
-        self._loaded, self.program_name = program, name
+        self._loaded, self.loaded_name, self.program_name = program, name, name
         return True
 
     def play(self) -> bool:
@@ -111,9 +116,7 @@ class Programs:
             return True
         if self._loaded is None:
             return False
-        name = self.program_name
-        self.run_program(self._loaded)
-        self.program_name = name
+        self.run_program(self._loaded, self.loaded_name)
         return True
 
     def pause(self) -> bool:
@@ -142,6 +145,7 @@ class Programs:
         if reason:
             core.say(f"program {self.program_name} stopped: {reason}", "controller", 2)
         core.say(self.program_name, "controller", 3, MessageKind.KEY, title=PROGRAM_STOPPED)
+        self.program_name = self.loaded_name
         return True
 
     def step_programs(self) -> None:
