@@ -65,10 +65,10 @@ def _tool_acceleration(core: Core, motion: PlantState | Target) -> list[float]:
 
 
 def _acceleration(core: Core) -> OutputValue:
-    """What an accelerometer at the tool feels, in the tool's axes, without the rates' terms."""
-    state = core.arm.state
-    tool, jacobian = core.arm.kinematics.jacobian(state.q.tolist(), core.tcp_matrix)
-    felt = jacobian[:3] @ state.ddq - core.arm.plant.arm.robot.gravity
+    """What an accelerometer at the tool feels, in the tool's axes."""
+    state, gravity = core.arm.state, core.arm.plant.arm.robot.gravity
+    tool = core.arm.kinematics.forward(state.q.tolist(), core.tcp_matrix)
+    felt = np.array(_tool_acceleration(core, state)[:3]) - gravity
     return (tool[:3, :3].T @ felt).tolist()
 
 

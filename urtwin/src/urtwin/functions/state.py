@@ -18,6 +18,7 @@ from urtwin.urscript import (
     numbers,
     pose_of,
     shown,
+    truth,
     whole,
     within,
 )
@@ -176,7 +177,8 @@ _SET: dict[str, Callable[[Core, Value], Value]] = {
 
 
 def _mass_matrix(core: Core, q: Value = None, include_rotors_inertia: Value = False) -> Value:
-    return core.arm.plant.tracker.mass_matrix(_joints(core, q)).tolist()
+    rotors = truth(include_rotors_inertia) * np.diag(core.arm.truth.motor_inertia)
+    return (core.arm.plant.tracker.mass_matrix(_joints(core, q)) + rotors).tolist()
 
 
 def _coriolis(core: Core, q: Value = None, qd: Value = None) -> Value:
