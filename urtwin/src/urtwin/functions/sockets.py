@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from urtwin.core import Core
 from urtwin.network import Link
-from urtwin.urscript import BACK, LISTENING, MAX_LENGTH, Value, number, shown, whole
+from urtwin.urscript import BACK, LISTENING, MAX_LENGTH, Value, number, shown, truth, whole
 
 T = TypeVar("T")
 Waiting = Generator[str | None, None, T]
@@ -22,6 +22,7 @@ _OPENING_S = 0.01
 what it sends before that thread was there is lost."""
 _MOST = 255
 _INT = 4
+_ESCAPES = (("\\n", "\n"), ("\\r", "\r"), ("\\t", "\t"))
 _READS = 16
 """Answers of sockets in a control cycle; a program with more to read goes on in the next one, so
 that commands that have piled up are no endless loop."""
@@ -116,6 +117,13 @@ def _read_ascii_float(
     return _found(count, None) if found is None else found
 
 
+def _marker(word: Value, escaped: Value) -> bytes:
+    text = shown(word)
+    for written, meant in _ESCAPES if truth(escaped) else ():
+        text = text.replace(written, meant)
+    return text.encode()
+
+
 def _read_string(
     core: Core,
     socket_name: Value = _NAME,
@@ -124,7 +132,7 @@ def _read_string(
     interpret_escape: Value = False,
     timeout: Value = _TIMEOUT_S,
 ) -> Waiting[str]:
-    begin, end = shown(prefix).encode(), shown(suffix).encode()
+    begin, end = (_marker(word, interpret_escape) for word in (prefix, suffix))
 
     def take(link: Link) -> str | None:
         data = link.data
