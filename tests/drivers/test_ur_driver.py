@@ -20,7 +20,14 @@ from gentle_motion import CYCLES, MIDDLE, RATE, ListRecorder, gentle, gentle_exe
 from dynid.core import InputError, JobError
 from dynid.drivers import Cycle, Outcome, ServojDriver, UrDriver, inspect
 from dynid.drivers.ur.driver import APPROACH, SLACK, Stream, Way
-from dynid.drivers.ur.link import CONNECT_S, SILENCE_S, Dashboard, RtdeLink
+from dynid.drivers.ur.link import (
+    CONNECT_S,
+    SILENCE_S,
+    STOP_PROGRAM,
+    Dashboard,
+    RtdeLink,
+    ScriptPort,
+)
 from dynid.drivers.ur.pump import Refused
 from dynid.drivers.ur.state import recorded
 from dynid.protocol import OUTPUTS, Framer, Kind, Recipe, rtde
@@ -180,6 +187,24 @@ def test_a_wish_from_before_keeps_the_robot_from_moving(
         assert np.abs(observer.column("target_qd")).max() < STILL
 
 
+@pytest.mark.parametrize("driver", [UrDriver, ServojDriver])
+def test_a_program_that_was_started_between_two_passes_runs_on(
+    controller: RunningController, driver: type[UrDriver | ServojDriver]
+) -> None:
+    """Ours took its place, and told nothing of it."""
+    if driver is ServojDriver:
+        pytest.importorskip("rtde_control")
+    state = inspect(controller.host)
+    with closing(ScriptPort(controller.host)) as port, Observer(controller.host) as seen:
+        port.send("def other():\n  while True:\n    sync()\n  end\nend\n")
+        seen.wait_for(lambda row: seen.number(row, "runtime_state") == 2)
+        with pytest.raises(JobError, match=r"another program runs.*playing"):
+            driver(state).execute(gentle_execution(), None)
+        assert seen.number(seen.packages[-1], "runtime_state") == 2
+        port.send(STOP_PROGRAM)
+        seen.wait_for(lambda row: seen.number(row, "runtime_state") == 1)
+
+
 def test_another_run_follows_a_stop(controller: RunningController) -> None:
     outcome = UrDriver(inspect(controller.host)).execute(gentle_execution(), ListRecorder())
     assert outcome.abort is None
@@ -300,7 +325,8 @@ def test_no_program_of_ur_rtde_is_left_where_the_recording_cannot_begin(
             return lambda: called.append(name)
 
     monkeypatch.setattr("dynid.drivers.ur.driver.UrRtde", Begun)
-    monkeypatch.setattr("dynid.drivers.ur.driver.require", lambda *_: None)
+    for name in ("require", "require_free"):
+        monkeypatch.setattr(f"dynid.drivers.ur.driver.{name}", lambda *_: None)
     connected(monkeypatch, Line(ANSWERS))
     driver = ServojDriver(inspect("127.9.9.9"))
     connected(monkeypatch, Line({}))

@@ -34,6 +34,7 @@ from dynid.drivers.ur.state import (
     Layout,
     recorded,
     recorded_names,
+    require_free,
 )
 from dynid.protocol import Numbers, Recipe, RuntimeState
 from dynid.trajectory import ur_program
@@ -86,7 +87,7 @@ class RtdeDriver(Driver):
         cancel: threading.Event | None = None,
         progress: Progress | None = None,
     ) -> Outcome:
-        """See `Driver.execute`; a motion for another control rate is refused, too."""
+        """See `Driver.execute`; another control rate, or a program that runs, is refused."""
         host, wish = self.state.host, cancel or threading.Event()
         if execution.rate_hz != self.state.rate_hz:
             raise InputError(
@@ -120,6 +121,8 @@ class RtdeDriver(Driver):
                     pump.start()
                     return Intake(execution, layout, recorder, progress).take(pump)
 
+        # A check before the first pass knows nothing of what was started between two.
+        require_free(host)
         return self.move(execution, wish, record)
 
 

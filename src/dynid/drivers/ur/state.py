@@ -6,9 +6,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynid.core import Array, JobError, frozen
-from dynid.drivers.driver import QUANTITIES, Cycle
+from dynid.drivers.driver import QUANTITIES, Cycle, mode_name
 from dynid.drivers.ur.link import Dashboard, RtdeLink
-from dynid.protocol import OUTPUTS, Numbers, Recipe, RobotStatus, Version, known_to, value
+from dynid.protocol import (
+    OUTPUTS,
+    Numbers,
+    Recipe,
+    RobotStatus,
+    RuntimeState,
+    Version,
+    known_to,
+    value,
+)
 
 INDEX, STATE = "output_int_register_24", "output_int_register_25"
 """Where our program writes the number of the sample, and what it is doing."""
@@ -212,6 +221,33 @@ def inspect(host: str) -> ControllerState:
         tcp_offset=vector("tcp_offset")[:3] if "tcp_offset" in values else None,
         round_trip_s=round_trip_s,
         freedrive=_teaches(number("robot_status_bits")),
+    )
+
+
+_ENDING_S = 0.5
+"""Controller time in which a program comes to its end [s]."""
+
+
+def require_free(host: str) -> None:
+    """Refuse a controller on which a program runs: ours would take its place.
+
+    Raises:
+        JobError: There is one, or nobody answers there.
+    """
+    state = RuntimeState.STOPPED
+    with closing(RtdeLink(host)) as link:
+        link.ask_outputs(["runtime_state"])
+        link.start()
+        # Of the pass before ours the program may still be ending.
+        for _ in range(round(_ENDING_S * link.rate_hz)):
+            state = int(link.packages()[-1][0])
+            if state == RuntimeState.STOPPED:
+                return
+    raise JobError(
+        "another program runs on the controller",
+        where=host,
+        value=mode_name(RuntimeState, state),
+        next_step="Start again when it has ended.",
     )
 
 
