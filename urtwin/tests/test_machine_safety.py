@@ -157,6 +157,15 @@ def test_watchdogs(arm: SimulatedArm, action: str, state: int) -> None:
     assert standing == (action != "ignore")
 
 
+def test_a_watchdog_watches_an_input_that_there_is(arm: SimulatedArm) -> None:
+    """Any name was kept: a loop of them filled the memory."""
+    machine = ControllerMachine(arm, pose=START)
+    machine.run_script('def f():\n rtde_set_watchdog("input_int_register_48", 10)\n sleep(9)\nend')
+    machine.tick()
+    assert any("a watchdog needs an RTDE input" in text for text in said(machine))
+    assert not machine.core.playing
+
+
 def test_a_paused_program_is_fed_again_by_play(arm: SimulatedArm) -> None:
     machine = ControllerMachine(arm, pose=START)
     machine.run_script(

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Generator, Sequence
 from typing import Any
 
+from dynid.protocol import INPUTS
 from urtwin.core import BITS, COUNT, FLAGS, Core, InputWatchdog, MessageKind, Registers
 from urtwin.urscript import Builtin, ScriptFault, Value, number, shown, truth, whole, within
 
@@ -58,7 +59,7 @@ def _rtde_set_watchdog(
     core: Core, variable_name: Value, min_frequency: Value, action: Value = "pause"
 ) -> None:
     name, wanted = shown(variable_name), shown(action).lower()
-    if not name.startswith(("input_", "speed_slider", "standard_", "configurable_", "tool_")):
+    if name not in INPUTS:
         raise ScriptFault("a watchdog needs an RTDE input", value=name)
     if wanted not in _ACTIONS:
         raise ScriptFault("action of a watchdog", value=wanted, limit=_ACTIONS)
