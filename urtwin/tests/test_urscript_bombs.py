@@ -144,6 +144,28 @@ def test_many_big_variables_are_out_of_memory() -> None:
     assert "out of memory" in fault(f"def f():\n{body}\nend", cycles=1_000)
 
 
+@pytest.mark.parametrize("keep", ["l.append(str_cat(pad, k))", "l[k] = str_cat(pad, k)"])
+def test_many_texts_in_lists_are_out_of_memory(keep: str) -> None:
+    """Each counted as one, of a thousand characters too."""
+    text = f"""def f():
+      pad = "{"x" * 900}"
+      def filled():
+        l = {"[]" if "append" in keep else "make_list(1000, 0)"}
+        k = 0
+        while k < 1000:
+          {keep}
+          k = k + 1
+        end
+        sync()
+        return l
+      end
+      a = filled()
+      b = filled()
+      c = filled()
+    end"""
+    assert "out of memory" in fault(text)
+
+
 def test_too_many_variables_are_refused() -> None:
     text = "\n".join(f"v{k} = 1" for k in range(3_000))
     assert "too many variables" in refused(f"def f():\n{text}\nend")

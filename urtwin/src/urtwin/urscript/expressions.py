@@ -28,7 +28,6 @@ from urtwin.urscript.values import (
     described,
     number,
     shown,
-    size,
     truth,
 )
 
@@ -124,7 +123,9 @@ def _listed(x: ScriptRun, *items: Value) -> Value:
     for place, item in enumerate(found):
         if item is None:
             raise ScriptFault("an element has no value", value=described(item))
-        if isinstance(item, list):
+        if item.__class__ is str:
+            x.charge(item)
+        elif isinstance(item, list):
             x.charge(cast("list[Any]", item))
             found[place] = copied(item)
     _check_size(found)
@@ -178,9 +179,15 @@ def _place(items: list[Any], index: Value) -> int:
 
 def _check_size(items: list[Any]) -> None:
     if len(items) > MAX_LENGTH or (
-        any(isinstance(item, list) for item in items) and size(items) > MAX_LENGTH
+        any(isinstance(item, list) for item in items) and _elements(items) > MAX_LENGTH
     ):
-        raise ScriptFault("the list is too long", value=size(items), limit=MAX_LENGTH)
+        raise ScriptFault("the list is too long", value=_elements(items), limit=MAX_LENGTH)
+
+
+def _elements(items: list[Any]) -> int:
+    """How many there are, those of lists within it too."""
+    inner = [cast("list[Any]", item) for item in items if isinstance(item, list)]
+    return len(items) + sum(map(_elements, inner))
 
 
 def _insert(x: ScriptRun, items: list[Any], index: Value, value: Value) -> None:

@@ -90,6 +90,8 @@ def _assign(scope: Scope, statement: syntax.Assign) -> Runner:
 
         def change(x: ScriptRun, value: Value, base: Value, *indices: Value) -> None:
             store(base, list(indices), value)
+            if value.__class__ is str:
+                x.charge(value)
 
         return compose([value, base, *indices], change)
 

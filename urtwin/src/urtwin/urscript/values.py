@@ -79,10 +79,11 @@ def copied(value: Value) -> Value:
 
 
 def size(value: Value) -> int:
-    """How many numbers or characters a value holds."""
+    """How many numbers and characters a value holds."""
     if isinstance(value, list):
         items = cast("list[Any]", value)
-        return 1 + (sum(size(item) for item in items) if _nested(items) else len(items))
+        plain = not any(isinstance(item, list | str) for item in items)
+        return 1 + (len(items) if plain else sum(size(item) for item in items))
     return 1 + len(value) if isinstance(value, str) else 1
 
 
