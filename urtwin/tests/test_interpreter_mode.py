@@ -50,6 +50,21 @@ def test_statements_run_in_the_program_and_are_acknowledged_by_number(send: Send
     assert send("stateunexecuted") == "state: 0: stateunexecuted"
 
 
+def test_statements_are_compiled_as_far_ahead_as_there_is_memory(
+    send: Sender, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Compiled ones of 8000 characters take 2 MB each, and 8500 could wait."""
+    monkeypatch.setattr("urtwin.interpreter.MOST_COMPILED", 100)
+    assert send("sleep(1.0)").startswith("ack: 1: ")
+    for k in range(20):
+        send(f"write_output_integer_register(3, {k})", 0.0)
+    ticks(send.machine, 0.5)
+    assert 2 <= len(send.replies) <= 5
+    ticks(send.machine, 2.0)
+    assert len(send.replies) == 21
+    assert send.machine.output("output_int_register_3") == 19
+
+
 def test_functions_and_variables_stay_until_they_are_cleared(send: Sender) -> None:
     assert send("def put(v): write_output_integer_register(5, v) end").startswith("ack: 1: ")
     assert send("mine = 7").startswith("ack: 2: ")

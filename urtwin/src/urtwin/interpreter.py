@@ -21,6 +21,8 @@ from urtwin.urscript import (
 Answer = Callable[[str], None]
 MOST_WAITING = 8_500
 """Statements that may wait to be compiled, and as many to be run."""
+MOST_COMPILED = 1_000_000
+"""Characters of compiled statements that may wait to be run: some 250 MB."""
 _LARGEST = 8_000
 _A_CYCLE = 2_000
 """Characters that are compiled in a control cycle, about 2 ms."""
@@ -48,7 +50,8 @@ class Interpreter:
         self._execution: ScriptRun | None = None
         self._base = self._context = Context({})
         self._lines: deque[_Received] = deque()
-        self._queue: deque[tuple[int, CompiledProgram]] = deque()
+        self._queue: deque[tuple[int, CompiledProgram, int]] = deque()
+        self._compiled = 0
         self._active = self._ending = self._held = self._abort = self._enough = False
         self._interpreted = self._executed = self._cleared = 0
         self._commands: dict[str, Callable[[], str]] = {
@@ -72,7 +75,7 @@ class Interpreter:
         """The program is over: what waits is discarded."""
         self._execution = None
         self._active = self._held = self._abort = False
-        self._queue.clear()
+        self._empty()
         while self._lines:
             self._lines.popleft().discard(_NOT_RUNNING)
 
@@ -112,13 +115,14 @@ class Interpreter:
                 yield
                 self._enough = False
                 continue
-            self._executed, addition = self._queue.popleft()
+            self._executed, addition, length = self._queue.popleft()
+            self._compiled -= length
             new = len(addition.context.shared) - len(execution.shared)
             execution.shared += [None] * new
             addition.run(execution)
             self._held = self._held and not addition.called & _LAST_OF_ITS_KIND
         self._active = False
-        self._queue.clear()
+        self._empty()
         if clear_on_end:
             self.clear()
 
@@ -156,10 +160,10 @@ class Interpreter:
         """One control cycle: compile what waits, a few lines at a time."""
         if not self._active or not self._lines:
             return
-        compiled = 0
-        while self._lines and not self._held and not self._ending and compiled < _A_CYCLE:
+        left = min(_A_CYCLE, MOST_COMPILED - self._compiled)
+        while self._lines and not self._held and not self._ending and left > 0:
             line = self._lines.popleft()
-            compiled += len(line.text)
+            left -= len(line.text)
             try:
                 addition = compile_addition(line.text, self._context)
             except ScriptError as error:
@@ -170,12 +174,17 @@ class Interpreter:
                 continue
             self._context = addition.context
             self._interpreted += 1
-            self._queue.append((self._interpreted, addition))
+            self._queue.append((self._interpreted, addition, len(line.text)))
+            self._compiled += len(line.text)
             self._held = bool(addition.called & _LAST_OF_ITS_KIND)
             line.answer(f"ack: {self._interpreted}: {line.text}")
 
-    def _skip(self) -> str:
+    def _empty(self) -> None:
         self._queue.clear()
+        self._compiled = 0
+
+    def _skip(self) -> str:
+        self._empty()
         self._held = False
         while self._lines:
             self._lines.popleft().discard("Skipped")
