@@ -56,8 +56,6 @@ def test_text_messages_of_both_protocols():
     assert rtde.read_text_message(payload_of(rtde.text_message(message, 2)), 2) == message
     in_one = rtde.read_text_message(payload_of(rtde.text_message(message, 1)), 1)
     assert in_one == rtde.TextMessage("stop", "", rtde.MessageLevel.ERROR)
-    from_client = rtde.text_message(message, 1, from_client=True)
-    assert rtde.read_text_message(payload_of(from_client), 1, from_client=True) == message
 
 
 @given(junk=st.binary(max_size=40), protocol=st.sampled_from(rtde.PROTOCOLS))

@@ -105,6 +105,8 @@ def test_a_frequency_that_is_none_is_refused_in_words(session, frequency):
 
 def test_protocol_one_has_no_recipe_numbers(machine, owners):
     session = RtdeSession(machine, owners)
+    # A client's text has the form of protocol 2 all the same.
+    assert session.receive(rtde.text_message(rtde.TextMessage("hello", "me"), 2)) == b""
     assert (
         session.receive(frame(Kind.SETUP_OUTPUTS, b"timestamp,actual_q"))
         == b"\x00\x12ODOUBLE,VECTOR6D"

@@ -228,23 +228,23 @@ def read_setup_answer(
     return payload[0], read_names(payload[1:])
 
 
-def text_message(message: TextMessage, protocol: int, *, from_client: bool = False) -> bytes:
+def text_message(message: TextMessage, protocol: int) -> bytes:
     """A text message; texts are cut at 255 bytes. Clients always use the form of protocol 2."""
     words, source = message.message.encode()[:255], message.source.encode()[:255]
-    if protocol == 1 and not from_client:
+    if protocol == 1:
         return frame(Kind.TEXT_MESSAGE, bytes((message.level,)) + words)
     body = bytes((len(words),)) + words + bytes((len(source),)) + source
     return frame(Kind.TEXT_MESSAGE, body + bytes((message.level,)))
 
 
-def read_text_message(payload: bytes, protocol: int, *, from_client: bool = False) -> TextMessage:
-    """The text message in a payload.
+def read_text_message(payload: bytes, protocol: int) -> TextMessage:
+    """The text message in a payload; see `text_message`.
 
     Raises:
         ProtocolError: A payload cut short, or an unknown level.
     """
     try:
-        if protocol == 1 and not from_client:
+        if protocol == 1:
             return TextMessage(_words(payload[1:]), "", MessageLevel(payload[0]))
         length = payload[0]
         words, rest = payload[1 : 1 + length], payload[1 + length :]

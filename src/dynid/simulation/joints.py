@@ -145,7 +145,7 @@ class Servo:
 
     UR does not publish its law; this one shows the same delay. Set points are joined by straight
     lines, one control cycle late, and pass a critically damped second-order filter, so that the
-    target follows the command by `lookahead`. The torque is
+    target follows the command by `lookahead`, or by two cycles if they are longer. The torque is
 
         tau = feed-forward + M_jj(q) (w^2 (target_q - q) + 2 w (target_dq - dq)),  w = 4 sqrt(gain)
 

@@ -166,7 +166,7 @@ class ToolKinematics:
 
 @dataclass(frozen=True, slots=True)
 class Arc:
-    """A part of a circle; a straight line where the three points are in line."""
+    """A part of a circle."""
 
     centre: Array
     """(3) [m]."""

@@ -216,7 +216,7 @@ class RtdeSession:
                 self.started = kind is Kind.START
                 return rtde.answer(kind, True)
             case Kind.TEXT_MESSAGE:
-                rtde.read_text_message(payload, self.protocol, from_client=True)
+                rtde.read_text_message(payload, 2)
                 return b""
 
     def _choose_protocol(self, version: int) -> bytes:
