@@ -226,7 +226,8 @@ class ServojDriver(RtdeDriver):
         """See `RtdeDriver.move`."""
         if cancel.is_set():
             return Outcome(samples=0, periods=0, gaps=0, abort=INTERRUPTED)
-        control, starts = self._control(self.state.host), execution.setpoints()[:1]
+        # What may fail comes before ur_rtde, which starts its program.
+        starts, control = execution.setpoints()[:1], self._control(self.state.host)
         way = Way(control, (*execution.via[1:], *starts))
         try:
             outcome = record(
