@@ -130,6 +130,8 @@ def test_the_variables_of_the_guide_by_version():
     assert not has("ft_raw_wrench", cb_last)
     assert not has("actual_current_as_torque", e_last)
     assert has("actual_current_as_torque", (10, 11, 0))
+    assert not has("actual_current_as_torque", (10, 10, 0))
+    assert has("ft_raw_wrench", (10, 10, 0))
     assert len([name for name in INPUTS if "register" in name]) == 2 + 64 + 2 * 48
 
 

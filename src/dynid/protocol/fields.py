@@ -57,10 +57,14 @@ class Field:
     def exists_in(self, version: Version) -> bool:
         """Whether software of this version has the variable."""
         since = self.since_cb if version[0] < _FIRST_E_SERIES else self.since_e
+        if since is not None and version[0] >= _POLYSCOPE_X:
+            since = _IN_X.get(since, since)
         return since is not None and version >= since
 
 
-_FIRST_E_SERIES = 5
+_FIRST_E_SERIES, _POLYSCOPE_X = 5, 10
+_IN_X: dict[Version, Version] = {(5, 23, 0): (10, 11, 0)}
+"""Software of the e-Series, and the release of PolyScope X that came with it."""
 _RTDE: tuple[Version, Version] = ((3, 0, 0), (5, 0, 0))
 _REGISTERS, _UPPER_REGISTERS = ((3, 4, 0), (5, 0, 0)), ((3, 9, 0), (5, 3, 0))
 _ALWAYS: dict[DataType, str] = {
