@@ -143,10 +143,11 @@ class Pump(threading.Thread):
     def _take(self, numbers: Numbers) -> None:
         cycle = self._layout.cycle(numbers)
         self._begun = self._begun or self._conversation.begun(cycle, numbers)
+        moving = self._begun and not self._watchdog.finished
         if self.abort is None:
             self._answer(cycle, numbers)
         # How a stop brakes is no part of the motion.
-        if self._begun and cycle.index >= 0 and self.abort is None:
+        if moving and cycle.index >= 0 and self.abort is None:
             self.rows.append(numbers)
             if len(self.rows) > self._backlog:
                 self.stop(Abort("recording", "the recording cannot keep up with the robot"))
