@@ -56,20 +56,22 @@ def tool_speed(core: Core, motion: PlantState | Target) -> list[float]:
     return (jacobian @ motion.dq).tolist()
 
 
-def _tool_acceleration(core: Core, motion: PlantState | Target) -> list[float]:
-    """Of the tool in the base frame, linear and angular."""
+def _accelerated_tool(core: Core, motion: PlantState | Target) -> tuple[Array, Array]:
+    """The tool (4, 4), and its linear and angular acceleration (6), in the base frame."""
     q, dq = motion.q.tolist(), motion.dq
     kinematics = core.arm.kinematics
-    jacobian = kinematics.jacobian(q, core.tcp_matrix)[1]
-    return (jacobian @ motion.ddq + kinematics.jacobian_rate(q, dq, core.tcp_matrix) @ dq).tolist()
+    tool, jacobian = kinematics.jacobian(q, core.tcp_matrix)
+    return tool, jacobian @ motion.ddq + kinematics.jacobian_rate(q, dq, core.tcp_matrix) @ dq
+
+
+def _tool_acceleration(core: Core, motion: PlantState | Target) -> list[float]:
+    return _accelerated_tool(core, motion)[1].tolist()
 
 
 def _acceleration(core: Core) -> OutputValue:
     """What an accelerometer at the tool feels, in the tool's axes."""
-    state, gravity = core.arm.state, core.arm.plant.arm.robot.gravity
-    tool = core.arm.kinematics.forward(state.q.tolist(), core.tcp_matrix)
-    felt = np.array(_tool_acceleration(core, state)[:3]) - gravity
-    return (tool[:3, :3].T @ felt).tolist()
+    tool, acceleration = _accelerated_tool(core, core.arm.state)
+    return (tool[:3, :3].T @ (acceleration[:3] - core.arm.plant.arm.robot.gravity)).tolist()
 
 
 def _status(core: Core) -> OutputValue:
