@@ -379,6 +379,7 @@ def test_a_visitor_edits_an_empty_scene(
     visit.page.mouse.up()
     until(lambda: editor.items[1]["position"][2] > 0.11, visit)
     assert editor.items[1]["position"][0] == 0.9
+    check_that_a_shape_stays_where_it_was_let_go(visit, page)
     # A place that is answered after the scene was saved does not take that news away.
     late: list[tuple[Any, Any]] = []
     visit.page.route("**/do/place*", lambda route: late.append((route, route.fetch())))
@@ -396,6 +397,97 @@ def test_a_visitor_edits_an_empty_scene(
     visit.page.get_by_role("button", name="Remove").click()
     until(lambda: not editor.items, visit)
     visit.check()
+
+
+def check_that_a_shape_stays_where_it_was_let_go(visit: Visit, page: Page) -> None:
+    """News of an earlier place come before the last one was sent."""
+    late: list[tuple[Any, Any]] = []
+    visit.page.route("**/do/place*", lambda route: late.append((route, route.fetch())))
+    box = visit.page.locator("#over").bounding_box()
+    x, y = visit.app("app.view.project(app.view.arrows()[2].to)")
+    mouse = visit.page.mouse
+    mouse.move(box["x"] + x, box["y"] + y)
+    mouse.down()
+    mouse.move(box["x"] + x, box["y"] + y - 20)
+    until(lambda: bool(late), visit)
+    first = page.session.editor.items[1]["position"][2]
+    until(lambda: visit.app("app.scene.shapes[0].position[2]") == first, visit)
+    mouse.move(box["x"] + x, box["y"] + y - 40)
+    until(lambda: visit.app("app.view.handle.position[2]") > first, visit)
+    last = visit.app("app.view.handle.position[2]")
+    page.do("add", JsonFields({"kind": "sphere"}))
+    until(lambda: visit.app("app.scene.shapes.length") == 2, visit)
+    page.do("remove", JsonFields({"number": 2}))
+    mouse.up()
+    route, answer = late[0]
+    route.fulfill(response=answer)
+    until(lambda: page.session.editor.items[1]["position"][2] == last, visit)
+    visit.page.unroute("**/do/place*")
+
+
+def test_what_is_near_the_cursor_is_that_of_the_last_place_of_it(
+    visited: Visited, studio: tuple[Page, str]
+) -> None:
+    page, _ = studio
+    visit = visited(1400)
+    late: list[Any] = []
+    visit.page.route("**/do/judge*", lambda route: late.append(route), times=1)
+    slider = visit.page.get_by_role("slider", name="Time")
+    slider.focus()
+    slider.press("Home")
+    until(lambda: bool(late), visit)
+    slider.press("PageUp")
+    # Longer than the page waits before it judges where the cursor has come to rest.
+    visit.page.wait_for_timeout(500)
+    late[0].continue_()
+    found = page.do("judge", JsonFields({"t": visit.app("app.at")}))
+    until(lambda: visit.app("app.margins") == found["margins"], visit)
+    visit.check()
+
+
+def test_a_manual_pose_begins_at_the_shown_one(visited: Visited) -> None:
+    visit = visited(1400)
+    visit.step("Design")
+    before = visit.app("(app.at = 1.2, app.render(), app.poseNow())")
+    slider = visit.page.locator("#pose input").nth(5)
+    assert float(slider.input_value()) == pytest.approx(before[5], abs=0.01)
+    slider.evaluate("e => { e.value = 1; e.dispatchEvent(new Event('input')); }")
+    pose = visit.app("app.pose")
+    assert pose[:5] == before[:5]
+    assert pose[5] == pytest.approx(1, abs=0.01)
+    visit.app("app.showPose(null)")
+    visit.check()
+
+
+def test_nothing_of_an_earlier_picture_stays(visited: Visited) -> None:
+    """A page that is made smaller in the browser has less than a pixel a pixel."""
+    ghosts = """(() => {
+      const { view } = app, pen = view.over.getContext("2d"), { width, height } = view.over;
+      pen.fillRect(0, 0, 9999, 9999);
+      Object.assign(view, { paths: { past: [], next: [] }, near: [], handle: null });
+      view.drawOver(false);
+      return pen.getImageData(0, 0, width, height).data.some((x) => x > 0);
+    })()"""
+    assert not visited(1400).app(ghosts)
+
+
+def test_the_newest_estimate_is_the_one_that_is_exported(visited: Visited) -> None:
+    seen = visited(1400).page.evaluate(
+        """async (made) => {
+          const { app } = await import("/studio.js"), kept = app.state, seen = [];
+          app.go("use");
+          for (const names of [["a"], ["b", "a"]]) {
+            app.state = { ...kept, results: names.map((name) => ({ ...made, name })) };
+            app.render();
+            seen.push(document.getElementById("f-estimate").value);
+          }
+          app.state = kept;
+          app.render();
+          return seen;
+        }""",
+        {"level": "good", "headline": "", "warnings": [], "parameters": [], "record": ""},
+    )
+    assert seen == ["a", "b"]
 
 
 @pytest.mark.parametrize(("width", "height"), [(1366, 600), (390, 844)])

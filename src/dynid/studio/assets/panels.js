@@ -187,8 +187,8 @@ function sceneEditor(app) {
         const made = await app.do("add", { kind: typed.kind });
         if (made) {
           app.chosen = made.number;
+          showHandle();
           app.render();
-          setTimeout(() => (showHandle(), app.render()), 300);
         }
       } })),
     shape ? h("div", { id: "shape" }) : null,
@@ -223,11 +223,13 @@ function shapeFields(app, shape) {
 function poseEditor(app) {
   const box = region("pose", [app.robot.joints, app.state.opened], () => h("details", { id: "pose" }, h("summary", { text: "Manual pose" }),
     ...app.robot.joints.map((name, k) => {
-      const input = h("input", { type: "range", min: app.robot.lower[k], max: app.robot.upper[k], step: 0.01, value: 0 });
-      input.addEventListener("input", () => app.showPose([...box.querySelectorAll("input")].map((one) => one.valueAsNumber)));
+      const input = h("input", { type: "range", min: app.robot.lower[k], max: app.robot.upper[k], step: 0.01 });
+      input.addEventListener("input", () => app.showPose(app.poseNow().map((q, j) => (j === k ? input.valueAsNumber : q))));
       return h("label", {}, `${name} [${app.robot.prismatic[k] ? "m" : "rad"}]`, input);
     }),
     h("button", { class: "quiet wide", text: "Back to the motion", onclick: () => app.showPose(null) })));
+  const shown = app.poseNow();
+  if (!app.pose) box.querySelectorAll("input").forEach((input, k) => (input.value = shown[k]));
   return box;
 }
 function notes(app) {
@@ -321,6 +323,8 @@ const use = {
   title: "Use",
   render(app) {
     const { results, estimates } = app.state;
+    // What was just identified, or dropped, is shown before what was chosen.
+    if (results.length && results[0].name !== this.newest) this.newest = typed.estimate = results[0].name;
     const shown = results.find((item) => item.name === typed.estimate) || results[0];
     const list = region("results", [results, estimates, shown && shown.name], () => h("section", {},
       results.length ? pick("Estimate", "estimate", results.map((item) => [item.name, item.name]), (name) => {
@@ -351,7 +355,7 @@ const use = {
   },
 };
 function verdict(item) {
-  const number = (x) => (x === null ? "–" : x.toPrecision(3).replace("-", "−").replace(/e([+-])(\d)/, "e$1$2"));
+  const number = (x) => (x === null ? "–" : x.toPrecision(3).replaceAll("-", "−"));
   const joints = item.joints || [];
   return [
     h("p", { class: `verdict ${item.level}`, text: item.headline }),

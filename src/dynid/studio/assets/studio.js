@@ -16,7 +16,7 @@ export const app = {
   motion: null, at: 0, playing: false, speed: 1, pose: null, quantity: "Torque",
   margins: [], near: [], chosen: null, live: null, made: { use: false }, words: null,
   path: true, distances: true,
-  do: act, render, go, showPose,
+  do: act, render, go, showPose, poseNow,
 };
 let view, plots, dirty = true, last = 0, asked = 0, frames = [], ink = {};
 
@@ -333,9 +333,10 @@ export function set(node, text) {
 }
 
 // Limits and nearest bodies now, not more often than they can be read.
-let judging = false;
+let judging = false, again = false;
 async function judge(force) {
   const now = performance.now(), pause = app.live ? 500 : 160;
+  again ||= judging && force;
   if (judging || (!force && now - asked < pause) || !app.robot) return;
   judging = true;
   asked = now;
@@ -346,6 +347,11 @@ async function judge(force) {
   }
   const found = await act("judge", fields);
   judging = false;
+  // What was asked for meanwhile may be of another pose.
+  if (again) {
+    again = false;
+    judge(true);
+  }
   if (!found || !found.margins) return;
   app.margins = found.margins;
   app.near = found.near;
@@ -500,15 +506,20 @@ export function showHandle() {
   view.handle = shape ? { position: shape.position, axes: shape.kind === "floor" ? [2] : [0, 1, 2] } : null;
   dirty = true;
 }
-let placing = false;
-async function drag(position, letGo) {
-  const shape = app.scene.shapes.find((s) => s.number === app.chosen);
-  if (!shape) return;
+let placing = false, wanted = null;
+async function drag(position) {
+  if (!view.handle) return;
   view.handle.position = position.map((x) => Math.round(1000 * x) / 1000);
+  wanted = { number: app.chosen, position: view.handle.position };
   dirty = true;
-  if (placing && !letGo) return;
+  if (placing) return;
   placing = true;
-  await act("place", { number: shape.number, position: view.handle.position });
+  // One after the other, the last of them for certain: news of an earlier place may come between.
+  while (wanted) {
+    const place = wanted;
+    wanted = null;
+    await act("place", place);
+  }
   placing = false;
 }
 

@@ -9,15 +9,15 @@ export function unpack(text) {
 }
 
 // Matrices are column-major, as WebGL takes them.
-export function times(a, b) {
+function times(a, b) {
   const out = new Array(16).fill(0);
   for (let c = 0; c < 4; c++)
     for (let r = 0; r < 4; r++)
       for (let k = 0; k < 4; k++) out[4 * c + r] += a[4 * k + r] * b[4 * c + k];
   return out;
 }
-export function apply(m, [x, y, z], w = 1) {
-  return [0, 1, 2].map((r) => m[r] * x + m[4 + r] * y + m[8 + r] * z + m[12 + r] * w);
+function apply(m, [x, y, z]) {
+  return [0, 1, 2].map((r) => m[r] * x + m[4 + r] * y + m[8 + r] * z + m[12 + r]);
 }
 const fromRows = (rows) => rows.map((_, k) => rows[4 * (k % 4) + (k >> 2)]);
 const unit = () => [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
@@ -426,7 +426,7 @@ export class View {
     if (over.width !== width || over.height !== height) [over.width, over.height] = [width, height];
     const pen = over.getContext("2d");
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-    pen.clearRect(0, 0, width, height);
+    pen.clearRect(0, 0, width / ratio, height / ratio);
     pen.lineCap = pen.lineJoin = "round";
     const blue = dark ? "#58a9ff" : "#0a5cad", amber = dark ? "#f0b24d" : "#a86400";
     this.line(pen, this.paths.next, blue, 2, [1, 6]);
@@ -534,7 +534,7 @@ export class View {
       if (grip) {
         const p = grip.pixels, along = (now[0] - grip.from2[0]) * p[0] + (now[1] - grip.from2[1]) * p[1];
         const moved = grip.size * along / Math.max(p[0] * p[0] + p[1] * p[1], 400);
-        this.onDrag(grip.start.map((x, k) => (k === grip.axis ? x + moved : x)), false);
+        this.onDrag(grip.start.map((x, k) => (k === grip.axis ? x + moved : x)));
       } else if (held.size === 2) {
         const [a, b] = [...held.values()], now2 = Math.hypot(a[0] - b[0], a[1] - b[1]);
         if (spread) this.zoom(spread / now2);
@@ -545,7 +545,6 @@ export class View {
     });
     const up = (e) => {
       held.delete(e.pointerId);
-      if (grip) this.onDrag(this.handle.position, true);
       grip = null;
     };
     over.addEventListener("pointerup", up);
