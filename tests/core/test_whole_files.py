@@ -8,9 +8,18 @@ import os
 import stat
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from dynid.core import InputError, JobError, require_absent, write_json, write_text
+from dynid.core import (
+    InputError,
+    JobError,
+    read_arrays,
+    require_absent,
+    write_arrays,
+    write_json,
+    write_text,
+)
 
 
 def names(folder: Path) -> list[str]:
@@ -46,6 +55,16 @@ def test_a_fault_while_writing_leaves_the_old_file(
         assert str(caught.value) == f"{path}: the file cannot be written; got No space left"
     assert json.loads(path.read_text()) == {"old": 1}
     assert names(tmp_path) == ["result.json"]
+
+
+def test_arrays_that_were_damaged_on_the_disk_are_none(tmp_path: Path) -> None:
+    path = tmp_path / "arrays.npz"
+    write_arrays(path, {"a": np.arange(9.0), "b": np.array(["x", "yy"])})
+    whole, draw = path.read_bytes(), np.random.default_rng(0)
+    assert read_arrays(path).keys() == {"a", "b"}
+    for place in draw.integers(len(whole), size=800).tolist():
+        path.write_bytes(whole[:place] + b"\x63" + whole[place + 1 :])
+        assert read_arrays(path).keys() <= {"a", "b", "c"}
 
 
 def test_the_file_gets_the_rights_of_any_new_file(tmp_path: Path) -> None:

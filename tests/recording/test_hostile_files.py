@@ -76,6 +76,11 @@ def test_hostile_documents_are_refused_in_one_line(tmp_path: Path, name: str) ->
     assert "\n" not in str(caught.value)
 
 
+def test_a_document_without_an_end_is_read_up_to_the_limit() -> None:
+    with pytest.raises(InputError, match="too large"):
+        load_object("/dev/zero")
+
+
 def test_limits_of_a_batch_system_stay(tmp_path: Path) -> None:
     text = tmp_path / "x.csv"
     text.write_text("t,q,tau\n" + "".join(f"{k / 125},{k % 9},{k % 7}\n" for k in range(99)))

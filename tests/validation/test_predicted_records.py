@@ -188,6 +188,7 @@ def test_the_share_within_the_intervals_is_told_joint_by_joint() -> None:
     assert result.covered is not None
     # Half widths are 1 N.m and more; filtering a known motion costs less but for its ends.
     assert result.covered[2] == pytest.approx(0.75, abs=0.02)
+    assert result != replace(result, covered=None)
     assert np.delete(result.covered, 2).min() > 0.97
     told = result.to_json()["interval"]
     assert (told["level"], told["covered"]) == (0.9, list(result.covered))

@@ -47,7 +47,9 @@ _SHORT = _Short()
 def _same(a: Any, b: Any) -> bool:
     """Whether two values are equal, arrays within them by shape and numbers; NaN equals NaN."""
     if type(a) is not type(b):
-        return bool(a == b)
+        # NumPy would compare it with each item.
+        array = isinstance(a, np.ndarray) or isinstance(b, np.ndarray)
+        return not array and bool(a == b)
     if isinstance(a, np.ndarray):
         left, right = cast("Array", a), cast("Array", b)
         return np.array_equal(left, right, equal_nan=left.dtype.kind == right.dtype.kind == "f")
@@ -235,7 +237,8 @@ def read_arrays(path: Path) -> dict[str, Any]:
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             return dict(stored)
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error):
+    # A damaged entry may ask for a password, or for a compression that does not exist.
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error, RuntimeError):
         return {}
 
 

@@ -123,10 +123,8 @@ def load_object(path: str | Path) -> JsonFields:
     """
     where = str(path)
     try:
-        if Path(path).stat().st_size > MAX_JSON_BYTES:
-            limit = f"{MAX_JSON_BYTES >> 20} MB"
-            raise InputError("the file is too large", where=where, limit=limit)
-        content = Path(path).read_bytes()
+        with Path(path).open("rb") as stream:
+            content = stream.read(MAX_JSON_BYTES + 1)
     except OSError as error:
         missing = isinstance(error, FileNotFoundError)
         step = like_named(Path(path)) or f"Looked in {Path.cwd()}." if missing else None
@@ -134,6 +132,9 @@ def load_object(path: str | Path) -> JsonFields:
         raise InputError(what, where=where, next_step=step) from error
     except ValueError as error:
         raise InputError("this is not a valid file name", where=where) from error
+    if len(content) > MAX_JSON_BYTES:
+        limit = f"{MAX_JSON_BYTES >> 20} MB"
+        raise InputError("the file is too large", where=where, limit=limit)
     try:
         document = json.loads(
             content.decode("utf-8-sig"), parse_constant=_refuse, object_pairs_hook=_once
