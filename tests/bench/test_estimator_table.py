@@ -85,13 +85,13 @@ def test_the_command(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.Mon
         return made[words]
 
     monkeypatch.setattr(dynid.bench, "compare_estimators", once)
-    assert main(["bench", "estimators", "--only", "wls", "--seeds", "1", "--json"]) == 0
+    assert main(["bench", "estimators", "--only", "wls,wls", "--seeds", "1", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert {row["estimator"] for row in data["table"]} == {"wls"}
     assert len(data["trials"]) == 3
     assert set(data) == set(to_json(()))
     assert main(["bench", "estimators", "--only", "nope"]) == 2
-    assert main(["bench", "estimators", "--only", "wls", "--seeds", "1"]) == 0
+    assert main(["bench", "estimators", "--only", "wls,wls", "--seeds", "1"]) == 0
     assert "badly filtered" in capsys.readouterr().out
 
 

@@ -32,6 +32,12 @@ def test_random_arms_move_within_their_limits() -> None:
         assert (np.abs(made.clean).max(axis=0) < limits.torque).all()
 
 
-def test_an_unknown_preset_is_bad_usage(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["bench", "verdicts", "--clean", "1", "--each", "0", "--preset", "no"]) == 2
-    assert "allowed: paper, best" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("option", "value", "allowed"),
+    [("--preset", "no", "allowed: paper, best"), ("--seed", "-1", "greater than or equal to 0")],
+)
+def test_an_unknown_preset_or_seed_is_bad_usage(
+    capsys: pytest.CaptureFixture[str], option: str, value: str, allowed: str
+) -> None:
+    assert main(["bench", "verdicts", "--clean", "1", "--each", "0", option, value]) == 2
+    assert allowed in capsys.readouterr().err

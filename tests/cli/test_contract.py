@@ -101,6 +101,12 @@ def test_analyze(run: Run) -> None:
     assert max(map(len, text.splitlines())) <= 80
 
 
+def test_a_rank_without_a_clear_gap_is_not_called_clear(run: Run) -> None:
+    said = run("analyze", "ur5", "--terms", "fc,fv,im,fs,fr,fo,fca,fva").out
+    assert "has no clear gap" in said
+    assert "rank is clear" not in said
+
+
 def test_analyze_options_reach_the_analysis(run: Run) -> None:
     wall = run("analyze", "ur5", "--mount", "wall", "--json").json()
     assert (wall["base_parameters"], wall["mount"]) == (54, "wall")

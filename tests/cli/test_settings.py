@@ -50,7 +50,9 @@ def test_python_and_the_command_line_are_held_to_the_same_bounds() -> None:
 
 def test_python_may_pass_what_no_command_line_can() -> None:
     lists = [{"noise": [1.0, np.nan]}, {"start_pose": np.array([np.nan])}]
-    for wrong in (*lists, {"method": None}, {"limits": ["safe"]}, {"criterion": 3}):
+    # None is the usual for other settings: no collision was judged, and the motion certified.
+    flags = [{"collision": None}, {"collision": "no"}]
+    for wrong in (*lists, *flags, {"method": None}, {"limits": ["safe"]}, {"criterion": 3}):
         with pytest.raises(InputError, match=next(iter(wrong))):
             dynid.DesignSettings(**wrong)  # type: ignore[arg-type]
     assert dynid.DesignSettings(noise=()).noise == ()

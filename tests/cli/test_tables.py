@@ -68,9 +68,9 @@ def test_many_options_stand_below_headings(capsys: pytest.CaptureFixture[str]) -
     assert main(["design", "--help"]) == 0
     text = capsys.readouterr().out
     headings = [line[:-1] for line in text.splitlines() if re.fullmatch(r"\S.*:", line)]
-    assert set(headings) - {"Example"} >= {"Options", "Search", "Other files"}
-    part = text.split("Search:")[1].split("\n\n")[0]
+    assert set(headings) - {"Example"} >= {"Options", "Method", "Other files"}
+    part = text.split("Method:")[1].split("\n\n")[0]
     assert "--population" in part
     assert "--krl" not in part
     main(["export", "--help"])
-    assert "Search:" not in capsys.readouterr().out
+    assert "Method:" not in capsys.readouterr().out

@@ -147,7 +147,7 @@ def compare_estimators(
             value=", ".join(sorted(unknown)),
             limit=", ".join(ESTIMATORS),
         )
-    tasks = [(seed, tuple(estimators)) for seed in seeds]
+    tasks = [(seed, tuple(dict.fromkeys(estimators))) for seed in seeds]
     found = dict(each(_seed, tasks, beside or Workers(), tell=progress, words="seeds"))
     return tuple(trial for number in sorted(found) for trial in found[number])
 

@@ -278,8 +278,8 @@ SAME = {
 """Fault to the kinds of finding that name it, where they are called otherwise."""
 COLUMNS = ("fault", "size", "cases", "named", "found", "usable", "misled")
 ANYWHERE = frozenset(
-    {"gains", "delay", "clock", "tilt", "payload", "friction_drift", "contact", *DISCRETE[4:]}
-) - {"saturated"}
+    {"gains", "delay", "clock", "tilt", "payload", "friction_drift", "contact", *DISCRETE[5:]}
+)
 """Faults of no single joint."""
 
 

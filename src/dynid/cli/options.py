@@ -60,6 +60,7 @@ JsonFlag = Annotated[bool, flag("--json", "Print one JSON object on stdout.")]
 RobotOption = Annotated[str | None, declared(settings.FleetSettings, "robot")]
 StartOption = Annotated[float | None, declared(settings.IdentifySettings, "start_s")]
 StopOption = Annotated[float | None, declared(settings.IdentifySettings, "stop_s")]
+MountOption = Annotated[str | None, declared(settings.IdentifySettings, "mount")]
 SeedOption = Annotated[int, declared(settings.DesignSettings, "seed")]
 GainsOption = Annotated[str | None, declared(settings.ImportOptions, "gains")]
 JobsOption = Annotated[int, declared(settings.FleetSettings, "jobs")]
@@ -86,7 +87,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
                 "previous"),
     "Motion": ("trajectory", "harmonics", "period_s", "start_pose"),
     "Motion of the robot": ("repeat", "thermal", "slow", "settle", "warm_up_s"),
-    "Search": ("method", "population", "generations", "starts", "budget_s", "seed", "jobs", "dask"),
+    "Method": ("method", "population", "generations", "starts", "budget_s", "seed"),
     "Limits and surroundings": ("limits", "scene", "collision", "mesh_dirs", "floor", "tool",
                                 "payload", "margin_percent", "clearance", "mount",
                                 "accept_unjudged"),

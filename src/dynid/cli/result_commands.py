@@ -283,7 +283,7 @@ def _estimators(
 def _verdicts(
     clean: Annotated[int, ask.option("N", "Clean recordings.", min=0)] = 12,
     each: Annotated[int, ask.option("N", "Recordings of each fault, over three sizes.", min=0)] = 3,
-    seed: Annotated[int, typer.Option(help="Seed of arms, motions and faults.")] = 0,
+    seed: ask.SeedOption = 0,
     preset: Annotated[str, ask.option("paper|best", "As for identify.")] = "best",
     random_arms: Annotated[bool, typer.Option(help="A random arm for each recording.")] = False,
     json: ask.JsonFlag = False,
@@ -319,7 +319,8 @@ def _verdicts(
 
 def register_bench(app: typer.Typer) -> None:
     """Add the command group."""
-    group = typer.Typer(help="Comparison of methods on arms with known parameters.")
+    told, example = "Comparison of methods on arms with known parameters.", "dynid bench estimators"
+    group = typer.Typer(help=told, epilog=ask.examples(example))
     for name, item in {"estimators": _estimators, "verdicts": _verdicts}.items():
         group.command(name, epilog=item.epilog)(item.run)
     app.add_typer(group, name="bench", rich_help_panel=None)

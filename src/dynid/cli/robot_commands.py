@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from dynid.cli import options as ask
 from dynid.cli import output as show
+from dynid.settings import SceneSettings
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -38,10 +39,6 @@ def robots_command(json: ask.JsonFlag = False) -> None:
 
 
 MAX_SAMPLES = 10_000
-MountOption = Annotated[
-    str | None,
-    ask.option("floor|wall|ceiling|tilt:DEG", "Mounting; default: as recorded, or the file's."),
-]
 
 
 @ask.command(
@@ -54,7 +51,7 @@ def analyze_command(
     frames: Annotated[
         str, ask.option("dh|mdh|urdf", "Frames of the parameters; default: its own.")
     ] = "",
-    mount: MountOption = None,
+    mount: Annotated[str | None, ask.declared(SceneSettings, "mount")] = None,
     samples: Annotated[
         int,
         ask.option("N", "Random points; more where the rank needs them.", min=1, max=MAX_SAMPLES),
@@ -100,7 +97,7 @@ def _show(data: Mapping[str, Any], everything: bool) -> None:
         f"{data['frames']} frames, mounting {data['mount']}, terms {data['terms']}, "
         f"{data['samples']} random points"
     )
-    screen.print(f"the rank is clear: singular values fall from {before:.1e} to {after:.1e}")
+    screen.print(f"at the rank, singular values fall from {before:.1e} to {after:.1e}")
     rows = list(zip(data["expressions"], data["units"], strict=True))
     alone = [name for name, e in zip(data["names"], data["expressions"], strict=True) if name == e]
     if not everything:
@@ -171,7 +168,7 @@ def payload_command(
     unloaded: Annotated[Path, ask.argument("UNLOADED", "A recording without the payload.")],
     loaded: Annotated[Path, ask.argument("LOADED", "One with it, preferably of the same motion.")],
     robot: ask.RobotOption = None,
-    mount: MountOption = None,
+    mount: ask.MountOption = None,
     cutoff: Annotated[float | None, ask.option("HZ", "Low-pass cut-off; default: chosen.")] = None,
     gains: ask.GainsOption = None,
     json: ask.JsonFlag = False,
@@ -218,7 +215,7 @@ def payload_command(
 def gravity_command(
     record: Annotated[Path, ask.argument("RECORD", "Poses at rest, or a motion with stops.")],
     robot: ask.RobotOption = None,
-    mount: MountOption = None,
+    mount: ask.MountOption = None,
     gains: ask.GainsOption = None,
     output: Annotated[
         Path | None, ask.option("FILE", "Also write the parameters as JSON.", "--output", "-o")

@@ -51,7 +51,9 @@ class Option:
 
     @property
     def bounds(self) -> str:
-        """Which numbers are allowed, in words."""
+        """Which values of a flag, or which numbers, are allowed, in words."""
+        if not self.metavar:
+            return "True or False"
         known = "several finite numbers" if self.kind in SEVERAL else "a finite number"
         known = "a whole number" if self.kind in WHOLE else known
         if self.most < FINITE:
@@ -59,9 +61,11 @@ class Option:
         return known if self.least == -FINITE else f"{known}, {self.least:g} or more"
 
     def allows(self, value: object) -> bool:
-        """Whether a field of numbers may hold this one, or these."""
+        """Whether a flag, or a field of numbers, may hold this one, or these."""
         if value is None:
             return self.default is None
+        if not self.metavar:
+            return value in (True, False)
         if self.kind in SEVERAL and not isinstance(value, Iterable):
             return False
         several = cast("Iterable[object]", value) if isinstance(value, Iterable) else (value,)
@@ -150,7 +154,8 @@ def check_options(settings: object) -> None:
         elif declared.own and declared.parse and value is not None:
             object.__setattr__(settings, name, declared.parse(value, declared.name))
         number = not isinstance(value, bool) and isinstance(value, Real)
-        if (number or declared.kind in NUMERIC) and not declared.allows(value):
+        checked = number or declared.kind in NUMERIC or not declared.metavar
+        if checked and not declared.allows(value):
             raise InputError(
                 "out of bounds", where=declared.name, value=value, limit=declared.bounds
             )
