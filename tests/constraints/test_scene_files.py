@@ -62,6 +62,7 @@ def test_a_scene_file_is_read(tmp_path: Path, encoding: str) -> None:
         ({"type": "sphere", "position": [0, 0, 1]}, "'radius' is missing"),
         ({"type": "wall", "point": [0, 0, 0], "normal": [0, 0, 0]}, "no length"),
         ({"type": "floor", "height": "low"}, "height must be a number"),
+        ({"type": "floor", "height": float("-inf")}, "height must be a finite number; got -inf"),
         ({**BALL, "position": [600, 500, 250]}, r"shapes 1 \(sphere\): .*in metres; got 600 m"),
         ({"type": "wall", "point": [900, 0, 0], "normal": [-1, 0, 0]}, "in metres; got 900 m"),
         ({"type": "floor", "height": -750}, "in metres; got 750 m"),

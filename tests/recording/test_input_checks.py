@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from dynid.core import InputError, RecordError
 from dynid.recording import ExperimentRecord, check_channels, checked_records, read_recording
@@ -96,11 +97,12 @@ def test_time_that_hardly_moves_is_refused_in_one_line(tmp_path: Path) -> None:
     ("t", "what"),
     [
         (np.arange(200) * np.timedelta64(8, "ms"), "not dates or durations"),
+        (list(np.arange(200) * np.timedelta64(8, "ms")), "not dates or durations"),
         (np.ma.masked_equal(np.arange(200) / 125, 1.0), "masked"),
         (np.arange(200) / 125 + 0j, "real numbers"),
     ],
 )
-def test_numbers_are_real_unmasked_and_no_dates(t: np.ndarray, what: str) -> None:
+def test_numbers_are_real_unmasked_and_no_dates(t: ArrayLike, what: str) -> None:
     with pytest.raises(InputError, match=f"t .*{what}"):
         ExperimentRecord(t=t, signals=record().signals)
 

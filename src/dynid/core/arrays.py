@@ -111,16 +111,17 @@ def frozen(
     """
     if np.ma.is_masked(values):
         raise InputError(f"{name} has masked values", next_step="Leave these rows out.")
-    kind = getattr(getattr(values, "dtype", None), "kind", "f")
-    if kind in "mM":
-        step = "Pass seconds: (values - values[0]) / np.timedelta64(1, 's')."
-        raise InputError(f"{name} must be numbers, not dates or durations", next_step=step)
-    if kind == "c":
-        raise InputError(f"{name} must be real numbers", value="complex")
     try:
-        array = np.array(values, dtype=np.float64, copy=True)
+        given = np.asarray(values)
+        # NumPy would take the imaginary parts away, and count dates in units of their own.
+        array = given if given.dtype.kind in "cmM" else np.array(given, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{name} must be numbers", value=values) from error
+    if array.dtype.kind in "mM":
+        step = "Pass seconds: (values - values[0]) / np.timedelta64(1, 's')."
+        raise InputError(f"{name} must be numbers, not dates or durations", next_step=step)
+    if array.dtype.kind == "c":
+        raise InputError(f"{name} must be real numbers", value="complex")
     fits = shape is None or (
         array.ndim == len(shape)
         and all(want is None or want == got for want, got in zip(shape, array.shape, strict=True))

@@ -42,7 +42,7 @@ class JsonFields:
         return value
 
     def number(self, name: str) -> float:
-        """A number; true and false are not numbers."""
+        """A finite number; true and false are not numbers."""
         return _number(self.get(name), self.prefix + name)
 
     def whole(self, name: str) -> int:
@@ -53,11 +53,11 @@ class JsonFields:
         return value
 
     def vector(self, name: str, *, null: bool = False) -> Array:
-        """(N) numbers; with `null`, null stands for NaN."""
+        """(N) finite numbers; with `null`, null stands for NaN."""
         return _row(self.get(name), self.prefix + name, null=null)
 
     def matrix(self, name: str) -> Array:
-        """(N, M) numbers, given as rows."""
+        """(N, M) finite numbers, given as rows."""
         label = self.prefix + name
         rows = [_row(row, label, null=False) for row in _list(self.get(name), label)]
         if len({len(row) for row in rows}) != 1:
@@ -213,6 +213,9 @@ def _number(value: object, label: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{label} must be a number", value=value)
     try:
-        return float(value)
+        number = float(value)
     except OverflowError as error:
         raise InputError(f"{label} is too large") from error
+    if not math.isfinite(number):
+        raise InputError(f"{label} must be a finite number", value=number)
+    return number

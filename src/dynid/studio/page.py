@@ -318,7 +318,7 @@ class Page:
                 place = asked.vector("position")
             if asked.get("rpy_deg") is not None:
                 turned = asked.vector("rpy_deg")
-            if len(place) != 3 or len(turned) != 3 or not np.isfinite([*place, *turned]).all():
+            if len(place) != 3 or len(turned) != 3:
                 raise InputError("this is no pose", value=[*map(float, (*place, *turned))])
             pose = from_xyz_rpy(place.tolist(), np.radians(turned).tolist())
             session.editor.place(number, pose)
