@@ -20,6 +20,7 @@ from gentle import CYCLES, write_motion
 from dynid.core import JsonFields
 from dynid.recording import read_record
 from dynid.robot import joint_poses
+from dynid.studio.facts import encoded
 from dynid.studio.page import Page
 from dynid.studio.server import Server, access_policy
 from dynid.studio.session import open_path
@@ -443,6 +444,40 @@ def test_what_is_near_the_cursor_is_that_of_the_last_place_of_it(
     found = page.do("judge", JsonFields({"t": visit.app("app.at")}))
     until(lambda: visit.app("app.margins") == found["margins"], visit)
     visit.check()
+
+
+def test_a_long_run_is_drawn_in_little_time(browser: Any, studio: tuple[Page, str]) -> None:
+    """STOP waits for the picture: it took seconds after an hour."""
+    page, url = studio
+    visit = Visit(browser, url)
+    count = 50_001
+    t = np.arange(count) / 40
+    values = encoded(np.column_stack([t] * 6))
+    job = {"id": 1, "kind": "run", "what": "", "share": 0, "repeat": 300, "ended": False}
+    tail = {"samples": count, "t": encoded(t), "q": values, "groups": {"Torque": values}}
+    state = page.look_up("state", str) | {"version": 1 << 40, "job": job, "tail": tail}
+    visit.page.route("**/api/state*", lambda route: route.fulfill(json=state))
+    visit.app("app.do('choose', { name: 'motion.json' }).then(() => null)")
+    live = visit.app("app.live")
+    assert len(live["t"]) <= 4000
+    assert live["t"][-1] == t[-1]
+    assert live["q"] == live["values"]["Torque"] == np.repeat(live["t"], 6).tolist()
+    read = visit.page.evaluate(
+        """async () => {
+          const { Plots } = await import("/plots.js"), { app } = await import("/studio.js");
+          const canvas = document.createElement("canvas");
+          document.body.append(canvas);
+          const plots = new Plots(canvas, document.createElement("ul"));
+          plots.setJoints(app.robot.joints);
+          let read = 0;
+          const t = new Proxy(app.motion.t, { get: (all, k) => (read++, all[k]) });
+          plots.show({ ...app.group, t }, 1000 * app.motion.duration, app.motion.duration, null);
+          plots.draw(0, {});
+          return read;
+        }"""
+    )
+    assert read < 100_000
+    visit.page.close()
 
 
 def test_a_manual_pose_begins_at_the_shown_one(visited: Visited) -> None:

@@ -99,7 +99,7 @@ function marginList(app) {
     h("h3", { text: "Margins" }),
     h("p", { class: "hint", text: shown ? "Share of the limit used. Bar: most in the motion; tick: now." : "Share of the limit used now." }),
     shown ? h("p", { class: `verdict ${shown.level}`, text: shown.words }) : null,
-    ...(shown ? (shown.unjudged || []).map((text) => h("p", { class: "hint warn", text: `Unjudged: ${text}` })) : []),
+    ...(shown ? [...new Set(shown.unjudged)].map((text) => h("p", { class: "hint warn", text: `Unjudged: ${text}` })) : []),
     rows.length ? h("div", { class: "margins" }, ...sorted(rows).map(margin)) : h("p", { class: "hint", text: "No limit is checked." }),
     shown && shown.notes.length ? h("details", {}, h("summary", { text: "Assumptions" }), ...shown.notes.map((text) => h("p", { class: "hint", text }))) : null));
   for (const one of app.margins) {

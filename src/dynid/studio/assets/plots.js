@@ -3,6 +3,8 @@
 import { unpack } from "/view.js";
 
 const ROW = 31, AXIS = 34, LEFT = 4, RIGHT = 10;
+// Points of a motion that is run again and again, and the fewest of each time.
+const MOST = 4000, FEWEST = 12;
 
 export const digits = (x) => {
   const size = Math.abs(x);
@@ -205,6 +207,8 @@ export class Plots {
     pen.lineWidth = measured ? 3.2 : 1.5;
     pen.lineJoin = "round";
     const periods = this.period && !measured ? Math.ceil(this.duration / this.period - 1e-6) : 1;
+    const count = one.t.length, most = periods > 1 ? Math.max(MOST / periods, FEWEST) : count;
+    const step = Math.max(1, Math.floor(count / most));
     for (let j = 0; j < n; j++) {
       const middle = (j + 0.5) * ROW, scale = 0.44 * ROW / (this.size[j] || 1);
       pen.beginPath();
@@ -216,8 +220,8 @@ export class Plots {
         first = false;
       };
       for (let p = 0; p < periods; p++)
-        for (let k = 0; k < one.t.length; k++) {
-          // Peaks are kept: of all samples of a pixel the lowest and the highest.
+        for (let k = 0; k < count; k += step) {
+          // Peaks are kept: of the samples of a pixel the lowest and the highest.
           const x = Math.round(2 * this.x(one.t[k] + p * this.period)) / 2;
           const y = middle - scale * (one.values[k * n + j] - this.centre[j]);
           if (x === column) {

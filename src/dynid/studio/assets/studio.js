@@ -9,6 +9,8 @@ const dark = matchMedia("(prefers-color-scheme: dark)");
 const RUN_FRAME_MS = 120;
 const CUT_MS = 2500;
 const STOP_MS = 1500;
+// Samples of a run that are drawn: what takes seconds to draw would hold up STOP.
+const MOST_LIVE = 4000;
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
 
 export const app = {
@@ -212,6 +214,13 @@ function followRun(state, old) {
       const kept = (live.values[title] ??= []);
       for (let j = 0; j < n; j++) kept.push(values[k * n + j]);
     }
+  }
+  while (live.t.length > MOST_LIVE) {
+    const last = live.t.length - 1;
+    const half = (values, width) => values.filter((_, k) => (last - Math.floor(k / width)) % 2 === 0);
+    for (const title in live.values) live.values[title] = half(live.values[title], n);
+    live.q = half(live.q, n);
+    live.t = half(live.t, 1);
   }
 }
 
