@@ -43,6 +43,13 @@ def test_summaries_of_commands_are_not_cut(run: Run) -> None:
         assert "..." not in listed
 
 
+def test_a_motion_does_not_replace_the_file_of_its_robot(run: Run, tmp_path: Path) -> None:
+    robot = tmp_path / "arm.urdf"
+    robot.write_text("<robot/>")
+    words = ("design", robot, "-o", tmp_path / "d.json", "--csv", robot, "--force")
+    refused(run(*words), "--csv", "would overwrite an input")
+
+
 def test_designs_and_estimates_are_not_asked_for_their_robot(
     run: Run, recordings: Recordings, motion: Path
 ) -> None:

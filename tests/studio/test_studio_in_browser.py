@@ -202,6 +202,11 @@ def test_keys_do_what_buttons_do(visited: Visited) -> None:
         keyboard.press("Escape")
     assert told.value.ok
     assert visit.app("app.playing") is False
+    visit.page.locator("#stop").hover()
+    with visit.page.expect_response("**/do/stop") as told:
+        visit.page.mouse.down()
+    assert told.value.ok
+    visit.page.mouse.up()
     # A button that was pressed last takes the keys that press it, no others.
     visit.page.locator("#play").focus()
     keyboard.press("2")

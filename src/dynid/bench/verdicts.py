@@ -82,7 +82,8 @@ class Recorded:
     validation: ExperimentRecord
     """Another motion with the same fault, without a contact."""
     clean: Array
-    """(N, n) true joint torques of the validation motion, without noise and faults [N.m or N]."""
+    """(N, n) true joint torques of the validation motion, those of faults of the arm among them,
+    without noise and faults of the recording [N.m or N]."""
     joint: int | None
     """The joint of the fault."""
     times_s: tuple[float, ...] = ()

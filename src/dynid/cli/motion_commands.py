@@ -98,7 +98,7 @@ def design_command(
     """Optimal excitation trajectory, certified (paper 2.2)."""
     from dynid.workflow import check_export, design, export_motion, unfinished_path
 
-    sources = (*settings.motions, *settings.previous, *filter(None, [settings.scene]))
+    sources = (robot, *settings.motions, *settings.previous, *filter(None, [settings.scene]))
     inputs = list(map(Path, sources))
     show.check_output(output, inputs=inputs, suffix=".json", force=force)
     exports = {"csv": csv, "urscript": urscript, "ros": ros}

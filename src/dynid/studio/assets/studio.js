@@ -543,7 +543,8 @@ function listen() {
     else return;
     e.preventDefault();
   });
-  $("stop").addEventListener("click", stop);
+  // When it is pressed, not when it is let go; keys press it by a click alone.
+  for (const press of ["pointerdown", "click"]) $("stop").addEventListener(press, stop);
   let pressed = false;
   $("primary").addEventListener("click", async () => {
     if (!app.step || pressed) return;
