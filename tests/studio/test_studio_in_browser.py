@@ -375,6 +375,14 @@ def test_a_visitor_edits_an_empty_scene(
     visit.page.get_by_label("x [m]", exact=True).fill("0.9")
     visit.page.keyboard.press("Tab")
     until(lambda: page.session.editor.items[1]["position"][0] == 0.9, visit)
+    # What was refused is not asked for again with the next number.
+    visit.page.get_by_label("x [m]", exact=True).fill("1e5")
+    visit.page.keyboard.press("Tab")
+    visit.page.get_by_text("allowed: 100 m").wait_for()
+    visit.page.get_by_label("y [m]", exact=True).fill("0.1")
+    visit.page.keyboard.press("Tab")
+    until(lambda: page.session.editor.items[1]["position"][:2] == [0.9, 0.1], visit)
+    visit.errors.clear()
     # Its arrow is dragged.
     until(lambda: visit.app("app.view.handle && app.view.handle.position[0]") == 0.9, visit)
     x, y = visit.app("app.view.project(app.view.arrows()[2].to)")

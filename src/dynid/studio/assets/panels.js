@@ -207,9 +207,10 @@ function shapeFields(app, shape) {
     return h("label", {}, label, input);
   };
   const triple = (key, labels, step) => h("div", { class: "three" }, ...labels.map((label, k) =>
-    number(label, shape[key][k], step, (value) => {
+    number(label, shape[key][k], step, async (value) => {
+      const before = shape[key][k];
       shape[key][k] = value;
-      app.do("place", { number: shape.number, [key]: shape[key] });
+      if (!(await app.do("place", { number: shape.number, [key]: shape[key] }))) shape[key][k] = before;
     })));
   const turns = !["floor", "sphere"].includes(shape.kind);
   return [
