@@ -128,7 +128,7 @@ def recorded(case: Case) -> Recorded:
     turning = [j for j in range(n) if not told.prismatic[j]]
     shown = turning
     if case.fault in ("encoder_zero", "quarter_turn"):
-        # The first axis of these arms is vertical: no torque tells where it counts from.
+        # The first axis of most arms is vertical: no torque tells where it counts from.
         shown = shown[1:]
     if case.fault in ("encoder_zero", "quarter_turn", "flexibility"):
         # A zero of the last joint is the same as another last link; little torque bends its gear.
@@ -142,7 +142,7 @@ def recorded(case: Case) -> Recorded:
         down = np.array([np.sin(lean) * np.cos(way), np.sin(lean) * np.sin(way), -np.cos(lean)])
         built = replace(told, gravity=float(np.linalg.norm(told.gravity)) * down)
     elif case.fault == "length":
-        # Along the first axis, which is vertical, an arm may begin anywhere.
+        # Along the first axis an arm may begin anywhere.
         across = [np.linalg.norm(np.cross(told.placements[1, :3, 3], told.axes[0]))]
         lengths = across + [np.linalg.norm(x) for x in told.placements[2:, :3, 3]]
         joint = int(draw.choice([j for j, x in enumerate(lengths, start=1) if x > 0.05]))

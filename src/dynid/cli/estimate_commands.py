@@ -158,7 +158,7 @@ def fit_command(
     robot: ask.RobotArgument,
     logs: Annotated[
         list[Path],
-        ask.argument("LOG...", "Recordings of any format, or folders with the files of one run."),
+        ask.argument("LOG", "Recordings of any format, or folders with the files of one run."),
     ],
     output: Annotated[Path, ask.option("DIR", "Folder for all results.", "-o", "--output")],
     settings: IdentifySettings,

@@ -1,4 +1,4 @@
-"""The ground floor: errors, arrays, findings, provenance, optional dependencies, workers.
+"""Errors, arrays, findings, provenance, optional dependencies, workers.
 
 What needs NumPy or other processes is loaded when it is first used: `dynid --help` does without.
 """
