@@ -384,7 +384,7 @@ def test_a_visitor_edits_an_empty_scene(
     until(lambda: page.session.editor.items[1]["position"][:2] == [0.9, 0.1], visit)
     visit.errors.clear()
     # Its arrow is dragged.
-    until(lambda: visit.app("app.view.handle && app.view.handle.position[0]") == 0.9, visit)
+    until(lambda: visit.app("app.view.handle && app.view.handle.position[1]") == 0.1, visit)
     x, y = visit.app("app.view.project(app.view.arrows()[2].to)")
     box = visit.page.locator("#over").bounding_box()
     visit.page.mouse.move(box["x"] + x, box["y"] + y)

@@ -46,7 +46,10 @@ async function act(name, fields = {}) {
     }
     return found;
   } catch (error) {
-    if (name !== "judge" && name !== "stop") app.words = { text: String(error.message), level: "bad" };
+    if (name !== "judge" && name !== "stop") {
+      spoke = Math.max(spoke, turn);
+      app.words = { text: String(error.message), level: "bad" };
+    }
     render();
     return null;
   }
@@ -511,8 +514,10 @@ function renderTools() {
 // The chosen shape has arrows to drag it by.
 export function showHandle() {
   const shape = app.scene.shapes.find((s) => s.number === app.chosen);
+  // News of an earlier place take no shape away from who drags it.
+  const held = placing && view.handle && view.chosen === app.chosen;
   view.chosen = app.chosen;
-  view.handle = shape ? { position: shape.position, axes: shape.kind === "floor" ? [2] : [0, 1, 2] } : null;
+  view.handle = shape ? { position: held ? view.handle.position : shape.position, axes: shape.kind === "floor" ? [2] : [0, 1, 2] } : null;
   dirty = true;
 }
 let placing = false, wanted = null;
@@ -523,13 +528,14 @@ async function drag(position) {
   dirty = true;
   if (placing) return;
   placing = true;
-  // One after the other, the last of them for certain: news of an earlier place may come between.
+  // One after the other, the last of them for certain.
   while (wanted) {
     const place = wanted;
     wanted = null;
     await act("place", place);
   }
   placing = false;
+  showHandle();
 }
 
 function listen() {
