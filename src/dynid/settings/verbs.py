@@ -27,6 +27,8 @@ def _height(text: str, where: str) -> float | str:
 
 def _load(text: str, where: str) -> tuple[float, ...]:
     load = numbers(text, where, (1, 4), "KG or KG,X,Y,Z")
+    if load[0] < 0:
+        raise InputError("a negative mass", where=where, value=text)
     return load if len(load) == 4 else (*load, 0.0, 0.0, 0.0)
 
 
