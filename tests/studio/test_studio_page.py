@@ -371,6 +371,22 @@ def test_a_page_that_has_not_heard_of_another_robot_is_told_nothing_about_it(pag
     assert page.look_up("curves", {"name": "gone", "opened": "1"}.__getitem__) == {}
 
 
+def test_who_asks_while_another_robot_is_opened_asks_for_the_one_before(
+    page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its meshes take seconds; a pose of six joints was then one too many for it."""
+    opened, answers = page.state()["opened"], []
+
+    def slow(*given: object) -> list[object]:
+        answers.append(do(page, "judge", opened=opened, q=[0.0] * 6))
+        return []
+
+    monkeypatch.setattr("dynid.studio.page.robot_meshes", slow)
+    drop(page, "two.urdf", URDF.encode())
+    assert answers[0]["margins"]
+    assert do(page, "judge", opened=opened, q=[0.0] * 6) == {}
+
+
 def test_a_prediction_takes_the_place_of_the_measured_torque_alone(
     page: Page, monkeypatch: pytest.MonkeyPatch
 ) -> None:

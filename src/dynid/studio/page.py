@@ -77,12 +77,12 @@ class Page:
         }
 
     def _open(self, opened: Opened) -> None:
-        self.session = Session(opened)
+        session = Session(opened)
         self.notes = [f"{name}: {why}" for name, why in opened.skipped]
         self.meshes = robot_meshes(opened.robot, self.notes)
+        # Last: reading meshes takes long, and who asks meanwhile asks for the one before.
+        self.session = session
         self._results_known: list[dict[str, Any]] = []
-        # JavaScript has 53 bits for it.
-        self._opening = time.monotonic_ns() // 1000
         self._asked_changes = 0
         self._seen_changes, self._quiet_since = -1, 0.0
         self._certifier: threading.Thread | None = None
@@ -157,7 +157,7 @@ class Page:
             with session.lock:
                 return facts.scene_shapes(session.editor)
         if what == "curves":
-            if query("opened") not in ("", str(self._opening)):
+            if query("opened") not in ("", str(session.number)):
                 return {}
             found = facts.curves(session, query("name"))
             for item in self._results_known:
@@ -186,7 +186,7 @@ class Page:
             editor = session.editor
             return {
                 "version": self._version,
-                "opened": self._opening,
+                "opened": session.number,
                 "robot": printable(session.robot.name),
                 "folder": printable(session.folder.resolve().name),
                 "motions": [
@@ -295,7 +295,7 @@ class Page:
         Nothing for the robot of a page that does not show another one yet.
         """
         session = self.session
-        if asked.get("opened") not in (None, self._opening):
+        if asked.get("opened") not in (None, session.number):
             return {}
         if asked.get("t") is not None:
             q, dq, ddq = session.motion.at(asked.number("t"))
