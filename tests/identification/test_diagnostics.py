@@ -7,13 +7,13 @@ import pytest
 from known_robot import COULOMB, VISCOUS, identified, oracle, recording, ur5
 
 from dynid import identify
-from dynid.core import InputError
+from dynid.core import Array, InputError
 from dynid.identification.diagnostics import smallest_mass_eigenvalue
-from dynid.identification.problem import base_mapping
+from dynid.identification.problem import base_mapping, motion_condition_number
 from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model
 from dynid.regressor import parse_terms
-from dynid.signals import ProcessingSettings, process
+from dynid.signals import ProcessingSettings, process, uniform_signals
 from dynid.workflow import Identification, IdentifySettings, verdict
 from dynid.workflow.identify import fit_records
 
@@ -31,6 +31,49 @@ def test_a_good_record_raises_no_alarm() -> None:
         "over_fitted",
         "not_physical",
     }
+
+
+def test_the_condition_number_of_a_motion_is_a_pencil_s_of_pinocchio_in_all_frames() -> None:
+    """The largest ratio of torques elsewhere to recorded ones; the same random motions."""
+    record, model, motion_hz = recording(0), oracle()[0], 0.6
+    signals = [uniform_signals(record, ur5(), ProcessingSettings())]
+    ours = [
+        motion_condition_number(ur5(), frames, signals, ProcessingSettings())
+        for frames in ("dh", "urdf")
+    ]
+    assert ours[0] == pytest.approx(ours[1], rel=1e-6)
+    samples = process(record, ur5(), ProcessingSettings(cutoff_hz=2 * motion_hz))
+    draw, shape = np.random.default_rng(0), (1000, 6)
+    q = draw.uniform(ur5().limits.lower, ur5().limits.upper, shape)
+    speed, acceleration = (
+        draw.normal(size=shape) * np.sqrt(np.square(x).mean(axis=0))
+        for x in (samples.dq, samples.ddq)
+    )
+    data = model.createData()
+    motions = [
+        (samples.q, samples.dq, samples.ddq),
+        (q, speed, acceleration),
+    ]
+    grams: list[Array] = []
+    for motion in motions:
+        columns = [
+            np.hstack(
+                [
+                    pin.computeJointTorqueRegressor(model, data, q, dq, ddq),
+                    np.diag(np.tanh(dq / 0.001)),
+                    np.diag(dq),
+                    np.diag(ddq),
+                ]
+            )
+            for q, dq, ddq in zip(*motion, strict=True)
+        ]
+        scaled = np.array(columns) / np.sqrt(np.square(samples.tau).mean(axis=0))[:, None]
+        grams.append(np.einsum("tji,tjk->ik", scaled, scaled) / len(columns))
+    size = np.sqrt(np.maximum(np.diag(sum(grams)), 1e-12))
+    values, vectors = np.linalg.eigh(sum(grams) / np.outer(size, size))
+    whiten = (vectors[:, -52:] / np.sqrt(values[-52:])) / size[:, None]
+    weakest = np.linalg.eigvalsh(whiten.T @ grams[0] @ whiten)[0]
+    assert ours[0] == pytest.approx(np.sqrt(1 / weakest - 1), rel=1e-6)
 
 
 @pytest.mark.long

@@ -76,8 +76,8 @@ def print_identification(screen: Console, result: Identification, *, everything:
     )
     screen.print(
         f"condition number of the motion {show.number(estimate.motion_condition_number, 3)}: "
-        "relative errors of torque grow at most by this factor in the scaled parameters (good: "
-        "below 50)"
+        "errors of torque grow at most by this factor on other motions at its speeds (good: "
+        "below 20)"
     )
     if result.accuracy is not None:
         screen.print(result.accuracy.describe())

@@ -43,8 +43,8 @@ def ill_conditioned(estimate: Estimate, samples: Samples) -> Iterator[Finding]:
     text: list[str] = []
     if number > ILL_CONDITIONED:
         text.append(
-            f"the condition number is {estimate.condition_number:.1e} (of the motion alone, "
-            f"columns scaled: {number:.3g}; good motions stay below {ILL_CONDITIONED:.0f})"
+            f"the condition number of the motion is {number:.3g}: errors of torque can grow by "
+            f"this factor elsewhere (good motions stay below {ILL_CONDITIONED:.0f})"
         )
     if 2 * len(one_way) > samples.joints:
         text.append(

@@ -97,7 +97,7 @@ class Estimate(Value):
     scaled_condition_number: float
     """Of W with columns of unit norm, whatever the choice of base columns."""
     motion_condition_number: float
-    """The same for the motion without its noise and the paper's terms: how good the motion is."""
+    """How much errors of torque can grow on other motions at its speeds; no noise counts."""
     samples: int
     """N, samples that entered the fit."""
     estimator: str

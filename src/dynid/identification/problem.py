@@ -165,10 +165,14 @@ def triangles(
     return factors
 
 
-ILL_CONDITIONED = 50.0
-"""Of `motion_condition_number`: excitation trajectories of real arms reach 10 to 30."""
+ILL_CONDITIONED = 20.0
+"""Of `motion_condition_number`."""
 LARGEST = 1e16
 """Beyond rounding all condition numbers are alike, and JSON knows no infinity."""
+ELSEWHERE = 1000
+"""Random samples of motions elsewhere."""
+HARDLY_THERE = 1e-5
+"""Directions of the parameters with less of the largest singular value change no torque."""
 BANDWIDTH_FACTOR = 2.0
 LOWEST_HZ = 0.5
 
@@ -214,15 +218,18 @@ def motion_condition_number(
     recordings: Sequence[UniformSignals],
     settings: ProcessingSettings,
 ) -> float:
-    """Scaled condition number of the motion alone, for the paper's parameters.
+    """How much errors of torque can grow from the recordings to motions elsewhere.
 
-    Differentiated noise fills the columns of a poor record and makes it look well conditioned. Here
-    the motion is smoothed down to twice its own bandwidth first, which leaves a good record as it
-    is. Motions of several recordings count together; cut-off, delays and velocity source of the
-    settings do not matter.
+    Of all combinations of the paper's parameters, the largest ratio of its RMS torque on random
+    motions to that on the recordings: the condition number of the one relative to the other. The
+    random motions are anywhere within the position limits, their RMS speeds and accelerations are
+    the recorded ones; torques of a joint count by their recorded RMS. Units, frames and the choice
+    of base parameters do not matter, nor do cut-off, delays and velocity source of the settings.
+    Differentiated noise fills the columns of a poor record: the motion is smoothed down to twice
+    its own bandwidth first, which leaves a good record as it is.
     """
     base = reduce_model(InverseDynamicModel(robot=robot, frames=frames))
-    roots: list[Array] = []
+    problems: list[IdentificationProblem] = []
     for signals in recordings:
         cutoff = max(BANDWIDTH_FACTOR * motion_bandwidth(signals.q, signals.rate_hz), LOWEST_HZ)
         smooth = replace(
@@ -233,6 +240,32 @@ def motion_condition_number(
             decimate=True,
             torque_filter=None,
         )
-        problem = IdentificationProblem(base=base, samples=samples_from(signals, smooth))
-        roots.append(observation_root(problem))
-    return scaled_condition_number(upper_triangle(np.vstack(roots)), base_mapping(base))
+        problems.append(IdentificationProblem(base=base, samples=samples_from(signals, smooth)))
+    recorded = np.concatenate([joint_factors(problem) for problem in problems], axis=1)
+    torque = np.linalg.norm(recorded[..., -1], axis=1)
+    torque = np.maximum(torque, 1e-6 * (torque.max() or 1.0))
+    speed, acceleration = (
+        np.sqrt(np.square(np.concatenate(rows)).mean(axis=0))
+        for rows in zip(*((x.samples.dq, x.samples.ddq) for x in problems), strict=True)
+    )
+    draw, shape = np.random.default_rng(0), (ELSEWHERE, robot.joints)
+    reach = np.where(robot.prismatic, 1.0, np.pi)
+    q = draw.uniform(
+        np.where(np.isfinite(robot.limits.lower), robot.limits.lower, -reach),
+        np.where(np.isfinite(robot.limits.upper), robot.limits.upper, reach),
+        shape,
+    )
+    dq, ddq = (draw.normal(size=shape) * rms for rms in (speed, acceleration))
+    elsewhere = base.model.stack(q, dq, ddq)[list(base.independent)].transpose(1, 2, 0)
+    count = sum(problem.blocks for problem in problems)
+    both = [
+        upper_triangle((rows / torque[:, None, None]).reshape(-1, base.rank))
+        for rows in (recorded[..., :-1], elsewhere * np.sqrt(count / ELSEWHERE))
+    ]
+    # Of orthonormal columns, the squares of what either shows add to one.
+    stacked = np.vstack(both)
+    norms = np.linalg.norm(stacked, axis=0)
+    left, sizes, _ = np.linalg.svd(stacked / np.where(norms > 0, norms, 1.0), full_matrices=False)
+    seen = left[: base.rank, sizes > HARDLY_THERE * sizes[0]]
+    weakest = float(np.linalg.svd(seen, compute_uv=False)[-1])
+    return float(np.sqrt(max(weakest**-2 - 1.0, 0.0))) if weakest > 1.0 / LARGEST else LARGEST
