@@ -5,7 +5,7 @@ import pytest
 from robots_for_simulation import build_chain, chosen_sensors, ideal_arm
 
 from dynid.core import InputError, JobError, MissingExtraError
-from dynid.robot import Counterbalance, Drives, RobotModel
+from dynid.robot import Counterbalance, Drives, RobotModel, robot_from_chain
 from dynid.simulation import (
     JointSensors,
     PlantState,
@@ -141,9 +141,16 @@ def test_unknown_tensors_become_balls(ur5: RobotModel) -> None:
 
 
 def test_a_urdf_called_ur5_keeps_its_own_inertias() -> None:
-    robot = replace(build_chain(joints=6), name="ur5")
-    published = simulated_arm(robot).truth.inertials
-    np.testing.assert_array_equal(published, robot.inertias)
+    chain = build_chain(joints=6)
+    named = robot_from_chain(
+        placements=chain.placements,
+        axes=chain.axes,
+        joint_types=chain.joint_types,
+        name="ur5",
+    )
+    for frames in ("urdf", "dh"):
+        robot = replace(named, inertias=chain.inertias, default_frames=frames)
+        np.testing.assert_array_equal(simulated_arm(robot).truth.inertials, robot.inertias)
 
 
 def test_links_as_built_are_near_the_published_ones(ur5: RobotModel) -> None:

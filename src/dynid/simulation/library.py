@@ -162,9 +162,7 @@ def simulated_arm(
     Raises:
         InputError: A robot other than the UR5 with unknown masses, or coupled joints.
     """
-    # A URDF that calls itself ur5 brings its own inertias, and no DH frames.
-    documented = robot.name == "ur5" and robot.joints == 6 and "dh" in robot.parameter_frames
-    truth = ur5_truth(robot) if documented else stand_in_truth(robot)
+    truth = ur5_truth(robot) if _is_documented(robot) else stand_in_truth(robot)
     # A controller knows the published masses, and compensates most of the friction, not all: UR's
     # own default shares.
     controller = point_masses(
@@ -177,6 +175,15 @@ def simulated_arm(
         label = f"{truth.label}; links as built, serial number {serial}"
         truth = replace(truth, inertials=inertials, label=label)
     return SimulatedArm(robot=robot, truth=truth, controller=controller, servo=servo or Servo())
+
+
+def _is_documented(robot: RobotModel) -> bool:
+    """Whether it is the UR5: files of others are called so too, with links and frames of theirs."""
+    if robot.name != "ur5" or robot.joints != 6 or robot.default_frames != "dh":
+        return False
+    documented = _inertials(robot.parameter_frames["dh"])[:, :4]
+    own = np.where(np.isnan(robot.inertias[:, :4]), documented, robot.inertias[:, :4])
+    return np.allclose(own, documented, rtol=0, atol=1e-6)
 
 
 def as_built(inertials: Array, serial: int) -> Array:
