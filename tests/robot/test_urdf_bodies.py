@@ -131,6 +131,41 @@ def test_broken_meshes_are_noted(tmp_path: Path, content: bytes) -> None:
     assert any("part.stl" in note for note in found.body_notes)
 
 
+COLLADA = """<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><unit name="u" meter="{unit}"/><up_axis>Z_UP</up_axis></asset>
+<library_geometries><geometry id="g"><mesh><source id="p">
+<float_array id="pa" count="12">{corners}</float_array><technique_common>
+<accessor source="#pa" count="4" stride="3"><param name="X" type="float"/>
+<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<triangles count="4"><input semantic="VERTEX" source="#v" offset="0"/>
+<p>0 2 1 0 1 3 0 3 2 1 2 3</p></triangles></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node><instance_geometry url="#g"/></node>
+</visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
+
+
+@pytest.mark.parametrize("unit", [1.0, 0.001, 0.0254])
+def test_a_collada_mesh_has_the_size_that_its_unit_says(tmp_path: Path, unit: float) -> None:
+    corners = np.array([[0, 0, 0], [0.3, 0, 0], [0, 0.2, 0], [0, 0, 0.1]])
+    text = " ".join(map(repr, (corners / unit).ravel().tolist()))
+    (tmp_path / "part.dae").write_text(COLLADA.format(unit=unit, corners=text))
+    path, robot = arm(tmp_path, '<mesh filename="part.dae"/>')
+    body, hand = with_collision_geometry(robot, path).bodies
+    assert hand.name == "hand 1"
+    assert depth(corners @ rotation().T + [0.1, 0, 0.2], body).max() <= ROUNDING
+    assert body.radius + np.ptp(body.points, axis=0).max() < 0.4
+
+
+@pytest.mark.parametrize("unit", ["inch", "0", "-1", "nan"])
+def test_a_collada_unit_that_is_none_is_noted(tmp_path: Path, unit: str) -> None:
+    (tmp_path / "part.dae").write_text(COLLADA.format(unit=unit, corners="0 " * 12))
+    path, robot = arm(tmp_path, '<mesh filename="part.dae"/>')
+    found = with_collision_geometry(robot, path)
+    assert [body.name for body in found.bodies] == ["hand 1"]
+    assert any("part.dae" in note for note in found.body_notes)
+
+
 def test_meshes_without_the_extra_are_noted_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -6,6 +6,7 @@ holds every triangle whose corners it holds.
 """
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -45,6 +46,7 @@ _WIDER = 1e-4
 _MOST_TRIANGLES = 200_000
 _LARGEST_MESH = 64 << 20
 """Bytes of a file."""
+_UNIT = re.compile(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']*)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,7 +127,7 @@ def read_mesh(file: Path, scale: Array) -> Array:
     if file.stat().st_size > _LARGEST_MESH:
         raise RobotError(f"the mesh {printable(file.name)} is too large")
     try:
-        mesh = coal.MeshLoader().load(str(file), scale)
+        mesh = coal.MeshLoader().load(str(file), scale * _unit_of(file))
         corners = np.asarray(mesh.vertices(), dtype=np.float64).reshape(-1, 3)
         rows = [[row[0], row[1], row[2]] for row in map(mesh.tri_indices, range(mesh.num_tris))]
     except (RuntimeError, ValueError) as error:
@@ -140,6 +142,17 @@ def read_mesh(file: Path, scale: Array) -> Array:
             limit=f"1 to {_MOST_TRIANGLES}",
         )
     return corners[np.array(rows)]
+
+
+def _unit_of(file: Path) -> float:
+    """The unit of a mesh [m]: that of a Collada file, which its loader does not look at; else 1."""
+    if file.suffix.lower() != ".dae":
+        return 1.0
+    found = _UNIT.search(file.read_bytes().partition(b"</asset>")[0])
+    unit = float(found[1]) if found else 1.0
+    if not (math.isfinite(unit) and unit > 0):
+        raise RobotError(f"the unit of the mesh {printable(file.name)}", value=unit)
+    return unit
 
 
 def around_triangles(faces: Array) -> list[tuple[Array, float, Array]]:
