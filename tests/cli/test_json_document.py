@@ -69,6 +69,11 @@ def test_design_check_and_run(run: Run, tmp_path: Path) -> None:
     write_trajectory(motion, slow, robot="ur5", limits=limits, provenance=made)
     ran = run("run", slow, "--on", "sim", "-o", tmp_path / "r.parquet", "--repeat", "1", "--json")
     assert set(ran.json()) == keys_of("run") - {"until"}
+    assert ran.err == ""
+    words = ("--floor", "0", "--tool", "0,0,0.1", "--payload", "1", "--accept-unjudged", "torque")
+    told = run("run", slow, "-o", tmp_path / "s.parquet", "--repeat", "1", *words).err
+    lines = [line.split(" is not used")[0] for line in told.splitlines()]
+    assert lines == ["dynid: --floor", "dynid: --tool", "dynid: --accept-unjudged"]
 
 
 def test_controller() -> None:

@@ -259,6 +259,11 @@ def run_command(
         result = run_design(design, output, **given)
         if result.abort is not None and result.result.stopped_in is None:
             raise KeyboardInterrupt
+    for name in ("scene", "floor", "tool", "accept_unjudged") if on == "sim" else ():
+        if getattr(settings, name) not in (None, ()):
+            word = name.replace("_", "-")
+            said = "is not used: the simulated arm moves without a certificate (dynid check)"
+            print(f"dynid: --{word} {said}", file=sys.stderr)
     if (said := result.design.describe_digest()) is not None and result.design.changed:
         print(f"dynid: {design}: {said}", file=sys.stderr)
     if result.left is not None:
