@@ -35,6 +35,21 @@ def _motions(count: int, seed: int) -> list[JointMotion]:
     return [asked.family.trajectory(x[:, 0], x[:, 1:]).evaluate(asked.times) for x in drawn]
 
 
+@pytest.mark.parametrize("size", [3, 4])
+def test_the_bound_is_one_where_rounding_decides(size: int) -> None:
+    for seed in range(40):
+        rows = np.random.default_rng(seed).normal(size=(60, size))
+        rows[:, -1] = rows[:, :-1].sum(axis=1) + 1e-6 * rows[:, -1]
+        own, task = rows[:40], rows[40:]
+        purpose = Purpose(
+            source="", moments=(task.T @ task)[None], torque=np.ones(1), prismatic=(False,)
+        )
+        found = expected(own.T @ own, purpose, np.ones(1))
+        share = found.bound_percent / found.torque_error_percent
+        # The root of a chi-square's 95 % quantile, by Wilson and Hilferty, of one to all.
+        assert 1 < share < 2
+
+
 def test_the_expected_error_is_that_of_weighted_least_squares() -> None:
     base = problem(arm()).base
     design, *task = _motions(4, 1)

@@ -193,7 +193,8 @@ def expected(
             # quantile is Wilson and Hilferty's.
             image = covariance @ purpose.moments[joints].sum(axis=0)
             sizes = float((image * image.T).sum()), max(float(np.trace(image)), _NO_ERROR)
-            spread = 2 / 9 * sizes[0] / sizes[1] ** 2
+            # Between one and all of them share it: rounding may say otherwise.
+            spread = 2 / 9 * min(max(sizes[0] / sizes[1] ** 2, 1 / size), 1.0)
             most = (1 - spread + CONFIDENCE * math.sqrt(spread)) ** 1.5
             told.append((100 * share, 100 * share * most))
         told = told or [(math.nan, math.nan)]
