@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from designed_arm import written_arm
 
-from dynid import DesignSettings, IdentifySettings, design, identify, read_record
+from dynid import DesignSettings, IdentifySettings, check, design, identify, read_record
 from dynid.cli.app import main
 from dynid.core import InputError, JobError
 from dynid.experiment import stop_on_signals
@@ -96,6 +96,23 @@ def test_further_motions_are_for_the_load_of_the_run(first: Path, tmp_path: Path
     run_until(first, tmp_path / "run.parquet", 0.01, **loaded)
     second = json.loads((tmp_path / "run_2_design.json").read_text())
     assert tuple(second["design"]["limits"]["payload"]) == load
+
+
+def test_rounds_elsewhere_find_what_the_design_was_made_for(
+    first: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(first.parent)
+    Path("scene.json").write_text('{"shapes": []}', encoding="utf-8")
+    Path("task.json").write_text('{"poses": [[0, 1, 0], [1, 1.2, -1]]}', encoding="utf-8")
+    around = {"scene": "scene.json", "motions": ("task.json",), "mesh_dirs": (".",)}
+    made = DesignSettings(period_s=4.0, harmonics=3, starts=1, rate_hz=50.0, **around)
+    assert design("small.toml", made, output="elsewhere.json").feasible
+    monkeypatch.chdir(tmp_path)
+    again = check(first.parent / "elsewhere.json")
+    assert again.feasible
+    assert again.limits.mesh_dirs == (str(first.parent),)
+    found = run_until(first.parent / "elsewhere.json", "run.parquet", 0.01, **QUICK)
+    assert len(found.rounds) > 1
 
 
 def test_a_recording_in_the_way_is_told_before_the_search(first: Path, tmp_path: Path) -> None:

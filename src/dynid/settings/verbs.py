@@ -234,7 +234,7 @@ class DesignSettings(LimitSettings):
 
     def __post_init__(self) -> None:
         if self.scene is not None:
-            object.__setattr__(self, "scene", str(self.scene))
+            object.__setattr__(self, "scene", str(Path(self.scene).absolute()))
         for name in ("motions", "previous", "mesh_dirs"):
             object.__setattr__(self, name, _names(getattr(self, name), name))
         check_options(self)
@@ -302,7 +302,7 @@ class DesignSettings(LimitSettings):
 
 
 def _names(paths: Sequence[object] | None, setting: str) -> tuple[str, ...] | None:
-    """Paths as text, which JSON holds."""
+    """Paths as text, which JSON holds, and absolute: `dynid run --until` may be elsewhere."""
     if paths is None:
         return None
     given = [paths] if isinstance(paths, str | Path) else paths
@@ -314,7 +314,7 @@ def _names(paths: Sequence[object] | None, setting: str) -> tuple[str, ...] | No
                 value=type(path).__name__,
                 next_step="Write it to a file first.",
             )
-    return tuple(map(str, given))
+    return tuple(str(Path(path).absolute()) for path in given)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
