@@ -62,6 +62,7 @@ def test_design_check_and_run(run: Run, tmp_path: Path) -> None:
     assert set(data) == keys_of("design")
     found = run("check", path, "--limits", "paper", "--json").json()
     assert set(found) == keys_of("check")
+    assert "mm overlap" in run("check", path).out
     motion = dynid.random_excitation(dynid.load_robot("ur5").limits, seed=3, margin=0.3)
     slow = tmp_path / "slow.json"
     made = provenance(seed=3)

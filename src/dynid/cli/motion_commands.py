@@ -40,7 +40,7 @@ def _print_certificate(screen: Console, data: Mapping[str, Any]) -> None:
             continue
         left = f"{100 * margin:.1f} %"
         if key.endswith("_m"):
-            left = f"{abs(1000 * margin):.1f} mm {'apart' if margin >= 0 else 'within each other'}"
+            left = f"{abs(1000 * margin):.1f} mm {'apart' if margin >= 0 else 'overlap'}"
         time, least = worst["t"], worst["required"]
         rows.append(
             (
