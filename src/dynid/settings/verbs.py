@@ -306,6 +306,7 @@ def _names(paths: Sequence[object] | None, setting: str) -> tuple[str, ...] | No
     if paths is None:
         return None
     given = [paths] if isinstance(paths, str | Path) else paths
+    found: list[str] = []
     for path in given:
         if not isinstance(path, str | Path):
             raise InputError(
@@ -314,7 +315,8 @@ def _names(paths: Sequence[object] | None, setting: str) -> tuple[str, ...] | No
                 value=type(path).__name__,
                 next_step="Write it to a file first.",
             )
-    return tuple(str(Path(path).absolute()) for path in given)
+        found.append(str(Path(path).absolute()))
+    return tuple(found)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
