@@ -166,6 +166,23 @@ def test_a_collada_unit_that_is_none_is_noted(tmp_path: Path, unit: str) -> None
     assert any("part.dae" in note for note in found.body_notes)
 
 
+def test_all_materials_of_a_mesh_are_held(tmp_path: Path) -> None:
+    one = np.array([[0, 0, 0], [0.3, 0, 0], [0, 0.2, 0], [0, 0, 0.1]])
+    corners = np.concatenate([one, one + np.array([0.5, 0.0, 0.0])])
+    lines = [f"v {x} {y} {z}" for x, y, z in corners.tolist()]
+    for material, first in (("red", 1), ("blue", 5)):
+        lines.append(f"usemtl {material}")
+        faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]) + first
+        lines += [f"f {a} {b} {c}" for a, b, c in faces.tolist()]
+    (tmp_path / "part.obj").write_text("\n".join(lines) + "\n")
+    path, robot = arm(tmp_path, '<mesh filename="part.obj"/>')
+    found = with_collision_geometry(robot, path)
+    *bodies, hand = found.bodies
+    placed = corners @ rotation().T + [0.1, 0, 0.2]
+    assert hand.name == "hand 1"
+    assert np.min([depth(placed, body) for body in bodies], axis=0).max() <= ROUNDING
+
+
 def test_meshes_without_the_extra_are_noted_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -117,7 +117,7 @@ def cylinder_points(radius: float, half: float) -> Array:
 def read_mesh(file: Path, scale: Array) -> Array:
     """(T, 3, 3) the triangles of a mesh file (STL, Collada, OBJ and what else coal reads) [m].
 
-    The corners are multiplied by the scale (3).
+    The corners are multiplied by the scale (3). Of a mesh of several materials it is the hull.
 
     Raises:
         MissingExtraError: The extra `collision` is not installed.
@@ -141,7 +141,12 @@ def read_mesh(file: Path, scale: Array) -> Array:
             value=len(rows),
             limit=f"1 to {_MOST_TRIANGLES}",
         )
-    return corners[np.array(rows)]
+    faces = np.array(rows)
+    if len(np.unique(faces)) < len(corners):
+        # coal gives the parts of several materials the corners of the first: which belong together
+        # is not known.
+        corners, faces = hull_faces(corners)
+    return corners[faces]
 
 
 def _unit_of(file: Path) -> float:
