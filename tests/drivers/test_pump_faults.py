@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from dataclasses import replace
 from itertools import count
 from types import SimpleNamespace
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gentle_motion import ListRecorder
 
 from dynid.drivers import Cycle, Execution, Watchdog, WatchLimits
 from dynid.drivers.ur.pump import Intake, Pump
@@ -134,6 +136,29 @@ def test_another_program_is_not_waited_for_after_the_last_sample(
     pump.run()
     assert pump.abort is None
     assert len(pump.rows) == EXECUTION.total
+
+
+def test_only_periods_with_all_their_samples_count() -> None:
+    """Time starts with the first recorded one; settling is watched and not recorded."""
+    layout, execution = recorded((3, 15, 8)), replace(EXECUTION, periods=3, settle=1)
+    lost, over = 2 * execution.cycles + 7, threading.Event()
+    rows = [Link(layout).package.copy() for _ in range(execution.total)]
+    for k, row in enumerate(rows):
+        row[layout.places[layout.index]] = [float(k)]
+        row[layout.places["timestamp"]] = [1000 + k / 125]
+    over.set()
+    pump: Any = SimpleNamespace(
+        rows=deque(rows[:lost] + rows[lost + 1 :]),
+        over=over, join=lambda: None, fault=None, gaps=1, abort=None,
+    )  # fmt: skip
+    recorder, told = ListRecorder(), list[float]()
+    outcome = Intake(execution, layout, recorder, lambda _, share: told.append(share)).take(pump)
+    count = execution.total - execution.cycles - 1
+    assert (outcome.samples, outcome.periods, outcome.gaps) == (count, 2, 1)
+    times = np.delete(np.arange(3 * execution.cycles), lost - execution.cycles) / 125
+    np.testing.assert_allclose(recorder.t, times, rtol=0, atol=1e-9)
+    assert told == sorted(told)
+    assert 0.9 < told[-1] <= 1.0
 
 
 def test_a_bug_stops_the_robot_and_is_raised_where_it_is_seen() -> None:

@@ -119,6 +119,46 @@ def test_where_no_way_is_found_the_straight_one_and_its_fault_come_back(
     assert "self_collision" in found.refused.broken
 
 
+class AroundDisc(FreeSpace):
+    """A point that goes from one side of the unit disc to the other."""
+
+    def __init__(self) -> None:
+        self.q, self.goal = np.array([-2.0, 0.0]), np.array([2.0, 0.0])
+        self.lower, self.upper = np.full(2, -4.0), np.full(2, 4.0)
+
+    def free(self, a: Array, b: Array) -> bool:
+        step = b - a
+        share = np.clip(-(a @ step) / max(step @ step, 1e-300), 0.0, 1.0)
+        return bool(np.linalg.norm(a + share * step) >= 1.0)
+
+
+def test_ways_are_hardly_longer_than_the_shortest() -> None:
+    """Which is two tangents and the arc between them."""
+    space, shortest = AroundDisc(), 2 * np.sqrt(3) + np.pi / 3
+    found = [find_way(space, np.random.default_rng(seed), 400) for seed in range(20)]
+    longer: list[float] = []
+    for way in found:
+        assert way is not None
+        np.testing.assert_array_equal(way[[0, -1]], [space.q, space.goal])
+        assert all(space.free(a, b) for a, b in pairwise(way))
+        longer.append(np.linalg.norm(np.diff(way, axis=0), axis=1).sum() / shortest - 1)
+        assert len(way) <= 8
+    assert min(longer) > 0
+    assert np.median(longer) < 0.02
+    assert max(longer) < 0.08
+
+
+def test_nothing_beyond_the_ends_of_a_way_counts() -> None:
+    judge = safe_constraints(UR5, collision=False)
+    space = FreeSpace(judge, UPRIGHT, UPRIGHT, speed=APPROACH_SPEED, room=0.0)
+    inside, outside = UPRIGHT.copy(), UPRIGHT.copy()
+    upper = judge.settings.bounds.upper[0]
+    inside[0], outside[0] = 0.9 * upper, upper + 1e-3
+    assert space.free(UPRIGHT, inside)
+    assert space.free(inside, inside)
+    assert not space.free(UPRIGHT, outside)
+
+
 def test_a_search_without_collisions_goes_straight() -> None:
     free = MotionConstraints(
         UR5, ConstraintSettings(bounds=JUDGE.settings.bounds, self_collision=False)
@@ -140,6 +180,18 @@ def test_only_the_first_pass_goes_through_the_way_points() -> None:
         np.testing.assert_array_equal(execution.via, [plan.start])
     alone = replace(plan, slow=None, warm_up_s=0.0)
     assert [step.execution.via for step in alone.passes()] == [points]
+
+
+def test_a_way_that_was_found_is_taken_only_with_a_certificate(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The search looks at samples; a way through the arm is refused behind it."""
+    middle = (UPRIGHT + BEHIND) / 2
+    monkeypatch.setattr(approaches, "SEARCHES", ((0.0, 1),))
+    monkeypatch.setattr(approaches, "find_way", lambda *_: np.stack([UPRIGHT, middle, BEHIND]))
+    found = plan_approach(UPRIGHT, BEHIND, JUDGE)
+    assert not found.free
+    np.testing.assert_array_equal(found.poses, [UPRIGHT, BEHIND])
 
 
 def test_nothing_is_searched_where_an_end_collides_or_nobody_waits(

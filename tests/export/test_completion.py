@@ -116,9 +116,10 @@ def test_an_estimate_is_completed_once(tmp_path: Path) -> None:
     assert complete(replace(estimate, values=1.01 * estimate.values)) is not found
 
 
-def test_derivatives_of_the_divergence() -> None:
+def test_the_divergence_is_zero_at_the_prior_and_has_its_derivatives() -> None:
     model = estimate_of(UR5, parameters_of(UR5)).model
     bodies = PseudoInertias.of(model, inertial_prior(UR5, model.frames).parameters)
+    assert bodies.divergence(bodies.prior)[0] == pytest.approx(0.0, abs=1e-5)
     values, step = parameters_of(UR5, 5), 1e-6
     _, gradient, curvature = bodies.divergence(values)
     for k in (0, 5, 13, 26, 44, 59, 62, 72, 77):

@@ -159,6 +159,23 @@ def test_mimicking_branches_do_not_end_the_arm() -> None:
     assert robot_from_urdf(_links(text, "abcd")).joint_names == ("j1",)
 
 
+def test_only_a_branch_with_mass_makes_its_leader_unknown() -> None:
+    """Where a rod of 0.5 kg is when the arm moves is not known; an empty frame is nowhere."""
+    body = (
+        '<link name="{}"><inertial><mass value="{}"/>'
+        '<inertia ixx="{i}" iyy="{i}" izz="{i}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    )
+    mimic = '<axis xyz="0 1 0"/><mimic joint="ja"/>'
+    for mass in (0.0, 0.5):
+        text = '<robot name="arm"><link name="a"/>'
+        for name, kg in (("b", 2.0), ("c", 1.0), ("d", 1.0), ("f", mass)):
+            text += body.format(name, kg, i=0.01 * kg)
+        text += joint("rod", "b", "f", inside=mimic)
+        text += "".join(joint(f"j{a}", a, b) for a, b in ("ab", "bc", "cd"))
+        robot = robot_from_urdf(f"{text}</robot>".encode())
+        assert np.isfinite(robot.inertias).all(axis=1).tolist() == [mass == 0, True, True]
+
+
 def test_a_torso_that_arms_stand_on_is_not_taken_for_the_arm() -> None:
     """A torso of one joint, a head of one and an arm of two: which is meant is asked."""
     arm = (joint("j1", "b", "d"), joint("j2", "d", "e"))

@@ -55,6 +55,13 @@ def test_savitzky_golay_averages_noise_over_a_period_of_the_cut_off() -> None:
     assert quiet[1] / quiet[2] == pytest.approx(5**1.5, rel=0.2)
 
 
+def test_the_least_cubic_is_that_of_five_samples() -> None:
+    """Fitted to fewer it would be any; to five, it has the differences of fourth order."""
+    values = np.random.default_rng(3).normal(size=(60, 2))
+    slopes = [derivative(values, 100.0, method, 40.0)[2:-2] for method in ("savgol", "central")]
+    np.testing.assert_allclose(*slopes, rtol=0, atol=1e-10)
+
+
 @pytest.mark.parametrize("count", [7, 8, 31])
 def test_savitzky_golay_fits_into_short_records(count: int) -> None:
     line = np.linspace(0, 1, count)[:, None]

@@ -222,6 +222,14 @@ def test_where_every_repetition_has_a_gap_nothing_is_valid() -> None:
     np.testing.assert_allclose(one.q, whole.q[:LENGTH], rtol=0, atol=EXACT * 100)
 
 
+def test_a_long_period_may_be_off_by_a_millionth() -> None:
+    """Its decimals are worth no more: 5000 samples, by 0.004 and by 0.006 of one."""
+    signals = replace(_repeated(20), rate_hz=1000.0)
+    assert len(fold_periods(signals, 5.000_004).t) == 5000
+    with pytest.raises(InputError, match=r"not a whole number"):
+        fold_periods(signals, 5.000_006)
+
+
 @pytest.mark.parametrize(
     ("period", "message"),
     [

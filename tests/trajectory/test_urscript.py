@@ -89,8 +89,16 @@ def test_pieces_are_the_trajectory(name: str) -> None:
         phase = 2 * np.pi * np.outer(s, np.arange(1, piece.harmonics + 1))
         q = np.array([np.polynomial.polynomial.polyval(s, row) for row in piece.polynomial]).T
         q = q + np.sin(phase) @ piece.a.T - np.cos(phase) @ piece.b.T
-        expected = EVERY[name].evaluate(start + s * piece.duration).q
-        np.testing.assert_allclose(q, expected, rtol=0, atol=SAME)
+        expected = EVERY[name].evaluate(start + s * piece.duration)
+        np.testing.assert_allclose(q, expected.q, rtol=0, atol=SAME)
+        dq, ddq = piece.slope().values(s), piece.slope().slope().values(s)
+        # Between two motions accelerations jump.
+        inner = slice(1, -1)
+        for found, true in (
+            (dq / piece.duration, expected.dq),
+            (ddq / piece.duration**2, expected.ddq),
+        ):
+            np.testing.assert_allclose(found[inner], true[inner], rtol=1e-9, atol=1e-9)
         start += piece.duration
     assert start == pytest.approx(EVERY[name].duration, abs=1e-12)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_arm import estimate
+from known_arm import RATE, estimate, samples, samples_without_torque
 from scipy import stats
 
 from dynid.core import Finding, InputError
@@ -59,6 +59,30 @@ def test_newtons_of_a_slide_are_no_prior_of_the_other_joints() -> None:
         known = replace(base, values=values, model=replace(base.model, robot=robot))
         std = refit_friction(known, samples).std[friction]
         assert std[2] == pytest.approx(max(least, known.std[friction[2]]), rel=1e-6)
+
+
+def test_refitted_friction_is_that_of_least_squares() -> None:
+    """Of two columns a joint, with one independent value in 0.2 s, where it may be anything."""
+    base, draw = replace(estimate(), covariance=1e6 * np.eye(52)), np.random.default_rng(4)
+    dq = samples_without_torque(np.arange(2000) / RATE).dq
+    change = np.array([[1.5, -0.8, 0.5, 2.0, -1.0, 0.7], [0.6, 0.9, -0.7, 0.3, 1.2, -0.4]])
+    known = samples(change[0] * np.sign(dq) + change[1] * dq + 0.3 * draw.normal(size=dq.shape))
+    left = known.tau - base.predict(known.q, known.dq, known.ddq)
+    moves = np.abs(dq) > 0.02 * np.abs(dq).max(axis=0)
+    found, squares, rest = np.zeros((2, 6)), np.zeros((2, 6)), 0.0
+    for j in range(6):
+        rows = moves[:, j]
+        columns = np.column_stack([np.sign(dq[rows, j]), dq[rows, j]])
+        found[:, j], residual = np.linalg.lstsq(columns, left[rows, j])[:2]
+        squares[:, j] = np.diag(np.linalg.inv(columns.T @ columns))
+        rest += float(residual[0])
+    std = np.sqrt(squares * rest / (moves.sum() / (0.2 * RATE) - 12))
+    adapted = refit_friction(base, known)
+    for kind, values, deviations in zip(("Fc", "Fv"), found, std, strict=True):
+        places = [base.names.index(f"{kind}{j + 1}") for j in range(6)]
+        step = adapted.values[places] - base.values[places]
+        np.testing.assert_allclose(step, values, rtol=1e-5)
+        np.testing.assert_allclose(adapted.std[places], deviations, rtol=1e-5)
 
 
 def test_z_and_change_follow_their_formulas() -> None:

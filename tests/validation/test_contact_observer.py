@@ -94,6 +94,16 @@ def test_the_residual_is_the_external_torque(estimate: Estimate) -> None:
     assert after == pytest.approx(CONTACT, abs=3.0)
 
 
+def test_velocities_that_were_not_recorded_are_differences(estimate: Estimate) -> None:
+    t, q, dq, torque = touched(3, None, cycles=100)
+    observer, signals = MomentumObserver(estimate=estimate), {"q": q, "effort": torque}
+    residual, found = observer.of_record(dynid.ExperimentRecord(t=t, signals=signals))
+    np.testing.assert_allclose(found[1:-1], (q[2:] - q[:-2]) * RATE / 2, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(residual, observer.residuals(t, q, found, torque))
+    _, own = observer.of_record(dynid.ExperimentRecord(t=t, signals={**signals, "qd": dq}))
+    np.testing.assert_array_equal(own, dq)
+
+
 @given(st.integers(0, 1000))
 @settings(max_examples=10)
 def test_momentum_is_pinocchios(estimate: Estimate, seed: int) -> None:

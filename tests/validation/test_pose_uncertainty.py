@@ -39,6 +39,13 @@ def test_intervals_grow_where_the_recording_has_not_been_and_hold_there() -> Non
         seen = (own > found.motion.lower[j]) & (own < found.motion.upper[j])
         assert over[j].anywhere.max() > 1.3 * over[j].near[seen].min()
         assert over[j].anywhere.mean() > over[j].near.mean()
+    motion = found.motion
+    for j, k in ((1, 0), (2, 20), (4, 40)):
+        others = draw.uniform(motion.lower, motion.upper, (1000, 6))
+        others[:, j] = over[j].position[k]
+        half = found.predict(others, others * 0 + motion.speed / 2, others * 0, interval=0.9)
+        known = np.quantile(half.half_width[:, j], 0.9)
+        assert over[j].near[k] == pytest.approx(known, rel=0.1)
     many = draw.uniform(-3, 3, (300, 6))
     slow = np.full_like(many, 0.1)
     true = real.torque(many, slow, 0 * many) + real.coulomb + real.viscous * slow

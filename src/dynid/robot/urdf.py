@@ -433,7 +433,7 @@ def _merge(
     ):
         if any(which):
             notes.append(f"{told} {_listed(list(compress(trunk.joints, which)))}")
-    if (inertias[:, 0] == 0).any() and not (inertias[:, 0] > 0).any():
+    if np.fmax.reduce(inertias[:, 0]) == 0:
         inertias[:] = np.nan
         notes.append("no link that moves has a mass: all are taken as unknown")
     swung: dict[str, str] = {}
