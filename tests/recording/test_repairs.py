@@ -406,6 +406,31 @@ def test_runs_in_one_file_are_put_behind_each_other() -> None:
     np.testing.assert_array_equal(record.signals["q"][600:], raw().signals["q"][700:1400])
 
 
+@pytest.mark.parametrize("late", [1.0, 1000.0])
+def test_a_run_may_end_in_a_wrong_stamp(late: float) -> None:
+    """All rows of the file were refused for it."""
+    table = runs_in_one(slice(0, 600), slice(700, 1400))
+    t = table.stamps.copy()
+    t[599] += late
+    record = run(replace(table, t=t))
+    assert codes(record)[0] == "clock_mismatch"
+    steps = np.diff(record.t)
+    np.testing.assert_allclose(np.delete(steps, [598, 599]), 0.008, atol=1e-6)
+    np.testing.assert_array_equal(record.signals["q"], table.signals["q"])
+
+
+def test_runs_with_coarse_stamps_are_two_runs() -> None:
+    table = runs_in_one(slice(0, 600), slice(700, 1400))
+    record = run(replace(table, t=np.round(table.stamps, 2)))
+    assert codes(record) == ["clock_mismatch", "dropped_rows"]
+    # What repeats a stamp is dropped; the others are within half a digit.
+    first = record.t < 600 * 0.008
+    assert record.samples > 0.79 * table.samples
+    q = table.signals["q"][np.round(record.t[first] / 0.008).astype(int)]
+    step = np.abs(np.diff(table.signals["q"], axis=0)).max()
+    assert np.abs(record.signals["q"][first] - q).max() < 1.5 * step
+
+
 def test_gaps_are_reported() -> None:
     table = raw()
     keep = ~np.isin(np.arange(1500), [300, 301, 302, 800])
@@ -428,6 +453,8 @@ def test_jitter_is_no_gap() -> None:
     (told,) = run(replace(table, t=table.t + by)).problems
     assert told.code == "clock_jitter"
     assert "gap" not in told.message
+    steps = 1e3 * np.diff(table.t + by)
+    assert f"between {steps.min():.4g} and {steps.max():.4g} ms" in told.message
 
 
 def test_rate_that_contradicts_velocities_is_reported() -> None:

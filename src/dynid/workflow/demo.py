@@ -101,10 +101,9 @@ def _warming(change: ParameterComparison, joints: int) -> Iterator[DemoRow]:
     """What warming up changed, with the paper's settings (paper 3.2, Fig. 4)."""
     found = dict(zip(change.names, change.change_percent, strict=True))
     for j in range(1, joints + 1):
-        if f"Fv{j}" in found:
-            known, note = (PAPER_WARMING, "paper: by up to 35 % down") if j == 1 else (None, "")
-            what = f"viscous friction of joint {j}, cold to warm"
-            yield DemoRow(what, known, float(found[f"Fv{j}"]), None, "%", note)
+        known, note = (PAPER_WARMING, "paper: by up to 35 % down") if j == 1 else (None, "")
+        what = f"viscous friction of joint {j}, cold to warm"
+        yield DemoRow(what, known, float(found[f"Fv{j}"]), None, "%", note)
     for group in change.groups:
         if group.members:
             what = f"{group.name} parameters, largest |z| cold to warm"
