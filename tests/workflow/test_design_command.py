@@ -216,6 +216,7 @@ def test_a_motion_that_excites_too_little_says_what_is_lost(run: Run, tmp_path: 
     assert finding["value"] > 20
     assert finding["joints"]
     assert "excites too little" in err
+    assert "; not identified: " in err
     assert run(*loud, "--accept-weak", "--force")[0] == 0
 
 

@@ -9,6 +9,7 @@ import signal
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from designed_arm import written_arm
 
@@ -63,6 +64,10 @@ def test_what_no_time_would_reach_is_said(first: Path, tmp_path: Path) -> None:
     assert (found.ended_by, len(found.rounds)) == ("out_of_reach", 2)
     assert told is not None
     assert told.left_out == "recordings"
+    # Noise falls with time, in squares; what is left of the error does not.
+    squares = np.square([told.found_percent, told.noise_percent, told.after_longer_percent])
+    own = max(squares[0] - squares[1], 0.0)
+    assert squares[2] == pytest.approx(own + squares[1] / 10, rel=1e-9)
     assert told.after_longer_percent > 0.01
     second = json.loads((tmp_path / "run_2_design.json").read_text())
     assert second["provenance"]["settings"]["previous"] == [str(tmp_path / "run.parquet")]

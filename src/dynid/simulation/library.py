@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynid.core import Array, InputError, RobotError, read_only
-from dynid.robot import RobotModel
+from dynid.robot import RobotModel, load_robot
 from dynid.simulation.joints import JointFriction, JointSensors, JointThermal, Servo
 from dynid.simulation.truth import (
     GroundTruth,
@@ -18,18 +18,6 @@ from dynid.simulation.truth import (
 )
 
 LABEL = "masses and centres of mass by UR; all else is the simulated arm's own, not UR's numbers"
-
-PUBLISHED_MASSES = (3.7, 8.393, 2.33, 1.219, 1.219, 0.1879)
-"""UR's masses [kg]."""
-PUBLISHED_COM = (
-    (0.0, -0.02561, 0.00193),
-    (0.2125, 0.0, 0.11336),
-    (0.15, 0.0, 0.0265),
-    (0.0, -0.0018, 0.01634),
-    (0.0, 0.0018, 0.01634),
-    (0.0, 0.0, -0.001159),
-)
-"""UR's centres of mass in the DH link frames [m]."""
 
 _CYLINDERS = (
     (0.060, 0.178, 1),
@@ -83,11 +71,12 @@ def ur5_truth(robot: RobotModel) -> GroundTruth:
 
 def _inertials(frames: Array) -> Array:
     rows: list[Array] = []
-    for mass, com, shape, frame in zip(
-        PUBLISHED_MASSES, PUBLISHED_COM, _CYLINDERS, frames, strict=True
-    ):
-        radius, length, axis = shape
-        link = link_parameters(mass, np.array(com), cylinder(mass, radius, length, axis))
+    published = load_robot("ur5").inertias
+    for own, frame, (radius, length, axis) in zip(published, frames, _CYLINDERS, strict=True):
+        mass = float(own[0])
+        # As UR gives them: rounding would turn the axes of cylinders that are built otherwise.
+        com = np.round((own[1:4] / mass - frame[:3, 3]) @ frame[:3, :3], 9)
+        link = link_parameters(mass, com, cylinder(mass, radius, length, axis))
         rows.append(in_parent_frame(link, frame))
     return np.array(rows)
 
