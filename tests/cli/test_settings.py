@@ -48,6 +48,14 @@ def test_python_and_the_command_line_are_held_to_the_same_bounds() -> None:
             dynid.FleetSettings(false_alarms=share)
 
 
+def test_bounds_are_said_in_words() -> None:
+    design, fleet = options_of(dynid.DesignSettings), options_of(dynid.FleetSettings)
+    assert design["collision"].bounds == "True or False"
+    assert design["seed"].bounds == "a whole number, 0 or more"
+    assert fleet["false_alarms"].bounds == "a finite number, 1e-06 to 0.999999"
+    assert design["noise"].bounds.startswith("several finite numbers, ")
+
+
 def test_python_may_pass_what_no_command_line_can() -> None:
     lists = [{"noise": [1.0, np.nan]}, {"start_pose": np.array([np.nan])}]
     # None is the usual for other settings: no collision was judged, and the motion certified.

@@ -579,14 +579,20 @@ def test_a_tool_that_the_robot_file_gives_is_no_unknown_payload(tmp_path: Path) 
     assert published.tool.mass == 0.0
 
 
-def test_a_smaller_size_is_said_without_a_sign(tmp_path: Path) -> None:
+def test_sizes_are_said_in_words_and_units(tmp_path: Path) -> None:
     robot = arm(tmp_path)
-    for kind, word in (
-        ("link_length", "0.0 +- 0.0 mm shorter"),
-        ("payload", "3e-05 +- 1e-05 kg less"),
+    for kind, value, std, words in (
+        ("link_length", -3e-5, 1e-5, "0.0 +- 0.0 mm shorter"),
+        ("link_length", 0.0123, 0.002, "12.3 +- 2.0 mm longer"),
+        ("payload", -3e-5, 1e-5, "3e-05 +- 1e-05 kg less"),
+        ("payload", 0.5, 0.1, "0.5 +- 0.1 kg more"),
+        ("delay", 0.008, 5e-4, "8.0 +- 0.5 ms late"),
+        ("mounting", np.pi / 90, np.pi / 900, "2.00 +- 0.20 deg off"),
+        ("friction_drift", -0.25, 0.05, "-25 +- 5 % along"),
+        ("drive_gain", 0.1, 0.02, "1.1 +- 0.02 times"),
     ):
-        item = Explanation(kind=kind, joints=(2,), value=-3e-5, std=1e-5, unit="m", score=9.0)
-        assert word in finding_of(item, robot, robot).text
+        item = Explanation(kind=kind, joints=(2,), value=value, std=std, unit="m", score=9.0)
+        assert words in finding_of(item, robot, robot).text
 
 
 @pytest.mark.parametrize("share", [0.4, pytest.param(0.6, marks=pytest.mark.long)])

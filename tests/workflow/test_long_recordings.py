@@ -116,6 +116,21 @@ def test_the_same_parameters_as_in_memory(
     assert ("factors" if factors else "products") in found.choices[-1]
 
 
+@pytest.mark.usefixtures("undiagnosed_once")
+def test_one_cut_off_suits_the_fastest_recording() -> None:
+    slow = recording(seconds=24.0, rate=125.0)
+    signals = {**slow.signals, "qd": 4 * slow.signals["qd"]}
+    fast = ExperimentRecord(t=slow.t / 4, signals=signals)
+    paper, known = IdentifySettings(preset="paper"), list[float]()
+    for one in (slow, fast):
+        cutoff_hz = identify_module.fit_records([one], UR5, paper).estimate.settings.cutoff_hz
+        assert cutoff_hz is not None
+        known.append(cutoff_hz)
+    found = fit_long([slow, fast], UR5, paper).estimate.settings.cutoff_hz
+    assert found == pytest.approx(known[1], rel=0.2)
+    assert known[1] > 1.5 * known[0]
+
+
 def test_several_recordings_and_a_window(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     force(monkeypatch, True)
     records = [recording(rate=125.0), recording("gap", 16.0, rate=125.0)]
