@@ -1,5 +1,7 @@
 """The plant against pinocchio, calculus and thermodynamics."""
 
+from itertools import pairwise
+
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -18,6 +20,7 @@ from dynid.simulation import (
     simulated_arm,
 )
 from dynid.simulation import plant as plant_module
+from dynid.simulation.kernel import Tracker
 from dynid.trajectory import FourierSeries
 
 ROBOTS = [
@@ -130,3 +133,28 @@ def test_the_arm_holds_still_under_gravity(arm: SimulatedArm) -> None:
     assert max(np.abs(state.dq).max() for state in states) < 1e-4
     np.testing.assert_allclose(states[-1].torque - states[-1].friction, weight, rtol=0, atol=1e-2)
     assert (np.abs(states[-1].friction) <= 1.2 * arm.truth.friction.coulomb + 1.0).all()
+
+
+def test_the_target_is_that_of_a_critically_damped_filter(arm: SimulatedArm) -> None:
+    """q'' = r^2 (u - q) - 2 r q' with u on straight lines between set points, by SciPy."""
+    cycle, steps = 0.008, 8
+    tracker, rate = Tracker(arm, cycle, steps), arm.servo.filter_rate(cycle)
+    points = np.cumsum(np.random.default_rng(2).normal(size=(6, 6)) * 0.02, axis=0)
+    tracker.reset(points[0])
+    state = np.array([points[0], np.zeros(6)])
+    for before, after in pairwise(points):
+
+        def slope(t: float, x: Array, a: Array = before, b: Array = after) -> Array:
+            q, dq = x.reshape(2, 6)
+            return np.append(dq, rate**2 * (a + t / cycle * (b - a) - q) - 2 * rate * dq)
+
+        times = np.linspace(0, cycle, steps + 1)
+        known = scipy.integrate.solve_ivp(
+            slope, (0, cycle), state.ravel(), t_eval=times, rtol=1e-11, atol=1e-13
+        ).y.T.reshape(-1, 2, 6)
+        found = tracker.plan(after)
+        np.testing.assert_allclose(found[:, :2], known[:-1], rtol=0, atol=1e-8)
+        state, now = known[-1], tracker.now
+        np.testing.assert_allclose([now.q, now.dq], state, rtol=0, atol=1e-8)
+        ddq = slope(cycle, state.ravel())[6:]
+        np.testing.assert_allclose(now.ddq, ddq, rtol=0, atol=1e-5)

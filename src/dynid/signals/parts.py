@@ -167,7 +167,7 @@ class LongSignals:
     recording: AnyRecording
     robot: RobotModel
     settings: ProcessingSettings
-    """With a cut-off; without a period."""
+    """With a cut-off; without a period; data are thinned."""
     grid: StreamGrid
     runs: tuple[tuple[int, int], ...] = field(init=False)
     """Points of the grid that are kept: the first, and one behind the last, of each run."""
@@ -198,7 +198,7 @@ class LongSignals:
     @property
     def block(self) -> int:
         """Samples that identification averages over."""
-        return block_length(self.grid.rate_hz) if self.settings.decimate else 1
+        return block_length(self.grid.rate_hz)
 
     @property
     def used(self) -> slice:

@@ -388,10 +388,6 @@ def block_length(rate: float) -> int:
     return max(1, int(rate / BLOCK_RATE_HZ + 1e-6))
 
 
-SAME_TIME = 1e-3
-"""Share of a step by which a stamp may differ from its place on the grid."""
-
-
 def samples_at_stamps(
     record: ExperimentRecord, robot: RobotModel, settings: ProcessingSettings
 ) -> Samples:
@@ -408,21 +404,16 @@ def samples_at_stamps(
     signals = uniform_signals(record, robot, settings)
     samples = samples_from(signals, replace(settings, delays_s=None), trim=False)
     part = window(record.t, settings.start_s, settings.stop_s)
-    stamps, torque = record.t[part], signals.torque
+    stamps, torque = record.t[part], measured_torque(record, robot)[part]
     t: Array = stamps - float(stamps[0])
-    step = 1.0 / signals.rate_hz
-    if len(stamps) != len(signals.t) or np.abs(stamps - signals.t).max() >= SAME_TIME * step:
-        torque = measured_torque(record, robot)[part]
-        after = np.clip(np.searchsorted(samples.t, t), 1, samples.count - 1)
-        inside = (t >= samples.t[0]) & (t <= samples.t[-1])
-        # Between kept grid points that are no neighbours lies a gap.
-        inside &= samples.t[after] - samples.t[after - 1] < 1.5 * step
-        kept = t[inside]
-        q, dq, ddq = (linear(samples.t, x, kept) for x in (samples.q, samples.dq, samples.ddq))
-        tau = torque[inside]
-        samples = replace(samples, t=kept, q=q, dq=dq, ddq=ddq, tau=tau, block=1, noise=None)
-    else:
-        t = signals.t - signals.t[0]
+    after = np.clip(np.searchsorted(samples.t, t), 1, samples.count - 1)
+    inside = (t >= samples.t[0]) & (t <= samples.t[-1])
+    # Between kept grid points that are no neighbours lies a gap.
+    inside &= samples.t[after] - samples.t[after - 1] < 1.5 / signals.rate_hz
+    kept = t[inside]
+    q, dq, ddq = (linear(samples.t, x, kept) for x in (samples.q, samples.dq, samples.ddq))
+    tau = torque[inside]
+    samples = replace(samples, t=kept, q=q, dq=dq, ddq=ddq, tau=tau, block=1, noise=None)
     if settings.delays_s is None or not any(settings.delays_s):
         return samples
     if len(settings.delays_s) != robot.joints:
