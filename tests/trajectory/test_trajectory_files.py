@@ -95,7 +95,9 @@ def spoil(path: Path, change: Callable[[dict[str, Any]], object]) -> Path:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda d: d.update(kind="dynid.estimate"), "not a design and no other trajectory"),
+        (lambda d: d.update(kind="dynid.analysis"), "no other trajectory; got dynid.analysis"),
+        (lambda d: d.update(kind=None, format="dynid"), "no other trajectory; got dynid[;.]"),
+        (lambda d: d.pop("kind"), "no other trajectory; got a JSON object of another kind"),
         (lambda d: d.update(version=3), "unknown file version"),
         (lambda d: d.update(robot=3), "robot must be a text"),
         (lambda d: d["trajectory"].pop("period"), "period must be a number"),

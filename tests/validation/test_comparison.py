@@ -190,6 +190,14 @@ def test_one_recording_and_other_shapes_are_told() -> None:
     wide = replace(base.model.friction, width=0.05)
     (told,) = compare(base, replace(base, model=replace(base.model, friction=wide))).warnings
     assert told.kind == "other_shape"
+    # The velocity of the peak shapes models that have one.
+    for terms in ("fc,fv,im", "fc,fv,im,fs"):
+        friction = parse_terms(terms)
+        one, other = (
+            other_model(friction=replace(friction, stribeck_velocity=v)) for v in (0.1, 0.2)
+        )
+        told = [finding.kind for finding in compare(one, other).warnings]
+        assert told == ["other_shape"] * ("fs" in terms)
 
 
 def coupled(name: str) -> RobotModel:

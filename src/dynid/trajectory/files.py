@@ -208,11 +208,10 @@ def read_trajectory(path: str | Path) -> StoredTrajectory:
     """
     whole = load_object(path)
     if whole.get("kind") != _KIND:
-        found = whole.get("kind") or whole.get("format")
         raise InputError(
             "not a design and no other trajectory",
             where=str(path),
-            value="a JSON object of another kind" if found is None else found,
+            value=whole.get("kind") or whole.get("format") or "a JSON object of another kind",
             next_step="Make one: dynid design ROBOT -o DESIGN.json",
         )
     version = whole.whole("version") if "version" in whole.values else None
