@@ -185,6 +185,8 @@ def test_a_refitted_estimate_says_so(estimate: Estimate, tmp_path: Path) -> None
     for start, stop, seen in ((2.0, 7.0, True), (7.5, None, False)):
         after = validate_files(paths[2], paths[1], start_s=start, stop_s=stop).warnings
         assert ("same_record" in {one.kind for one in after}) == seen
+    told = validate_files(paths[2], paths[1]).warnings
+    assert any(one.text.startswith("2.0 to 7.0 s of the validation window") for one in told)
     # What was found when it was identified is no finding of the refit.
     doubted = replace(estimate, warnings=(Finding("low_excitation", "as it was identified"),))
     write_estimate(doubted, paths[0])

@@ -224,6 +224,13 @@ def other_model(**changes: object) -> Estimate:
     )
 
 
+def test_a_group_without_parameters_has_not_moved() -> None:
+    base = other_model(friction=parse_terms("fc,fv"))
+    motor = group(compare(base, base), "motor")
+    assert (motor.members, motor.largest, motor.moved) == ((), None, False)
+    assert np.isnan(motor.limit_z)
+
+
 @pytest.mark.parametrize("symbol", ["Fl", "Fw"])
 def test_friction_by_load_and_ripple_are_of_the_gear(symbol: str) -> None:
     parameters = tuple(np.linspace(1.0, 2.0, 60).tolist())
@@ -245,6 +252,7 @@ def test_friction_by_load_and_ripple_are_of_the_gear(symbol: str) -> None:
     [
         ({"robot": load_robot("ur10")}, "robots"),
         ({"robot": coupled("ur5")}, "robots"),
+        ({"robot": replace(load_robot("ur5"), axes=-load_robot("ur5").axes)}, "robots"),
         ({"robot": with_mount(load_robot("ur5"), "wall")}, "mountings"),
         ({"frames": "mdh"}, "frames"),
         ({"friction": parse_terms("fc,fv:2")}, "terms"),

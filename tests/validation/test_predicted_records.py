@@ -1,5 +1,6 @@
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,9 +10,16 @@ from dynid.core import InputError
 from dynid.identification.selection.assessment import Assessment
 from dynid.identification.selection.regions import TorqueInterval
 from dynid.recording import ExperimentRecord
-from dynid.robot import Counterbalance
+from dynid.robot import Counterbalance, load_robot
 from dynid.signals import ProcessingSettings
-from dynid.validation import MOVING_SPEED, ValidationResult, reproduce, validate, validate_samples
+from dynid.validation import (
+    MOVING_SPEED,
+    ValidationResult,
+    record_findings,
+    reproduce,
+    validate,
+    validate_samples,
+)
 
 FORMULA = 1e-12
 FILTERED = 0.02
@@ -285,6 +293,16 @@ def test_a_record_of_another_robot_is_refused() -> None:
     cut = {name: value[:, :4] for name, value in short.signals.items()}
     with pytest.raises(InputError, match="4 joints but ur5 has 6"):
         validate(estimate(), replace(short, signals=cut))
+
+
+def test_a_robot_of_another_file_is_told_by_the_number_of_its_joints() -> None:
+    other = str(Path(__file__).parents[2] / "examples" / "robots" / "gen3.toml")
+    for robot, told in (("ur5", []), (other, [f"the record is of robot {other}, not of mine"])):
+        metadata = replace(record().metadata, robot=robot)
+        found = record_findings(
+            replace(load_robot("ur5"), name="mine"), replace(record(), metadata=metadata)
+        )
+        assert [one.text for one in found] == told
 
 
 def test_starts_and_stops_are_not_smeared_by_the_cutoff_of_a_slow_record() -> None:

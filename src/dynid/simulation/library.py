@@ -74,9 +74,9 @@ def _inertials(frames: Array) -> Array:
     published = load_robot("ur5").inertias
     for own, frame, (radius, length, axis) in zip(published, frames, _CYLINDERS, strict=True):
         mass = float(own[0])
-        # As UR gives them: rounding would turn the axes of cylinders that are built otherwise.
-        com = np.round((own[1:4] / mass - frame[:3, 3]) @ frame[:3, :3], 9)
-        link = link_parameters(mass, com, cylinder(mass, radius, length, axis))
+        com: Array = (own[1:4] / mass - frame[:3, 3]) @ frame[:3, :3]
+        # As UR gives it: the last digits would turn the axes of cylinders that are built otherwise.
+        link = link_parameters(mass, com.round(9), cylinder(mass, radius, length, axis))
         rows.append(in_parent_frame(link, frame))
     return np.array(rows)
 
