@@ -103,6 +103,12 @@ def test_who_stands_at_the_start_has_no_way_to_go() -> None:
     assert there.free
     assert len(there.poses) == 2
     assert there.describe() == "already there"
+    # Nor is it asked of him, where he was measured a little beyond a limit.
+    start = UPRIGHT.copy()
+    start[0] = JUDGE.settings.bounds.upper[0]
+    beyond = start + np.array([5e-4, 0, 0, 0, 0, 0])
+    assert plan_approach(beyond, start, JUDGE).free
+    assert not plan_approach(beyond, UPRIGHT, JUDGE).free
 
 
 def test_where_no_way_is_found_the_straight_one_and_its_fault_come_back(

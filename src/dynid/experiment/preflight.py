@@ -92,8 +92,6 @@ class _Tree:
         away = towards - a
         way = float(np.abs(away).max())
         b = towards if way <= STEP else a + STEP / way * away
-        if way == 0.0:
-            return base
         if not space.free(a, b):
             return None
         self.poses.append(b)
