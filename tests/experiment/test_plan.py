@@ -129,8 +129,9 @@ def test_a_motion_that_does_not_rest_at_its_ends_is_refused() -> None:
 
 def test_a_motion_that_ends_elsewhere_can_run_once_alone() -> None:
     assert not ExperimentPlan(robot=UR5, trajectory=THERE, periods=1).repeats
-    with pytest.raises(InputError, match="repeat 1"):
-        ExperimentPlan(robot=UR5, trajectory=THERE)
+    for more in ({}, {"settle": True}, {"slow": 0.5}, {"warm_up_s": 5.0}):
+        with pytest.raises(InputError, match="repeat 1"):
+            ExperimentPlan(robot=UR5, trajectory=THERE, **{"periods": 1 if more else 3, **more})
 
 
 def test_other_joints_are_refused() -> None:

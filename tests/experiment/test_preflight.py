@@ -99,6 +99,10 @@ def test_an_e_series_robot_needs_an_e_series_controller() -> None:
     e_series = replace(READY, version=(5, 11, 0, 0), rate_hz=500.0, remote=True)
     assert failed(e_series, plan) == []
     assert failed(replace(e_series, version=(3, 15, 0, 0)), plan) == ["model"]
+    # Of a robot with a name of its own nobody knows the series.
+    own = replace(PLAN, robot=replace(UR5, name="mine"))
+    for version in ((3, 15, 0, 0), (5, 11, 0, 0)):
+        assert failed(replace(READY, model="", version=version), own) == []
     # Such a controller has a switch, but nobody who tells it.
     silent = looked(plan, replace(e_series, model="", remote=None))
     assert any(check.finding == "it does not say" for check in silent)
@@ -110,7 +114,8 @@ def test_the_payload_asked_for_must_be_set_with_its_centre() -> None:
     assert any("--payload" in check.finding for check in looked(plan, READY))
     held = replace(READY, payload=1.2, payload_cog=np.array([0.0, 0.0, 0.05]))
     assert failed(held, plan) == []
-    assert failed(replace(held, payload_cog=np.zeros(3)), plan) == ["payload"]
+    for wrong in ({"payload_cog": np.zeros(3)}, {"payload": 1.0}):
+        assert failed(replace(held, **wrong), plan) == ["payload"]  # type: ignore[arg-type]
     # Old software does not tell its payload; the person is told what it must be.
     silent = looked(plan, replace(READY, payload=None, payload_cog=None))
     assert any("1.2 kg" in check.finding for check in silent)

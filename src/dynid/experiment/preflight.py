@@ -236,11 +236,9 @@ def plan_approach(
     verdict = certify_straight(q, start, constraints)
     if verdict.holds:
         return Approach(poses=straight)
-    bounds = constraints.settings.bounds
-    beyond = (straight < bounds.lower - _ROUNDING) | (straight > bounds.upper + _ROUNDING)
     still = np.zeros_like(straight)
     # Every way has its ends.
-    ends = not beyond.any() and constraints.usage(straight, still, still).feasible
+    ends = constraints.usage(straight, still, still).feasible
     for number, (room, growths) in enumerate(SEARCHES if ends else ()):
         if cancel is not None and cancel.is_set():
             break
