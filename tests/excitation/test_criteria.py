@@ -114,6 +114,16 @@ def test_the_gradient_by_the_coefficients_equals_central_differences(joints: int
             np.testing.assert_allclose(ours, truth, rtol=0, atol=limit, err_msg=name)
 
 
+def test_prediction_weighs_the_covariance_by_the_moment_of_the_purpose() -> None:
+    w = _matrix(1, 12, 1.5)
+    covariance, root = np.linalg.inv(w.T @ w), _matrix(2, 12, 0.5)
+    moment = root.T @ root
+    ours = parse_criterion("prediction", moment=moment).value(w.T @ w)
+    plain = parse_criterion("prediction").value(w.T @ w)
+    known = np.trace(covariance @ moment) / np.trace(covariance)
+    assert ours / plain == pytest.approx(known, rel=1e-6)
+
+
 @pytest.mark.parametrize("name", CRITERIA)
 def test_the_slope_is_symmetric_and_that_of_the_value(name: str) -> None:
     w = _matrix(1, 12, 1.5)

@@ -59,6 +59,15 @@ def test_where_no_random_motion_is_free_one_grows_out_of_a_free_pose() -> None:
     assert np.ptp(found.trajectory.evaluate(asked.times).q, axis=0).min() > 1e-2
 
 
+def test_a_given_start_pose_is_the_only_one_that_is_tried() -> None:
+    pose = np.array([0.5, -0.5, 1.0])
+    asked = problem(arm(), family="modified-fourier", start_pose=pose, safe=True)
+    found = free_poses(
+        DesignEvaluation(asked).constraints, region_of(asked), np.random.default_rng(0)
+    )
+    np.testing.assert_array_equal(found, [pose])
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_grown_motion_keeps_every_limit_and_is_no_smaller_than_it_must_be(seed: int) -> None:
     asked = problem(arm(), safe=True)

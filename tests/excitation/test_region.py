@@ -78,12 +78,16 @@ def test_barrier_has_the_derivatives_of_its_value() -> None:
         np.testing.assert_allclose(block, curved[part, part], rtol=1e-4, atol=1e-2)
 
 
-def test_outside_the_barrier_is_infinite_and_pulling_inside_helps() -> None:
-    region = region_of(problem())
+@pytest.mark.parametrize("pose", [None, np.array([1.0, -1.5, 2.0])])
+def test_outside_the_barrier_is_infinite_and_pulling_inside_helps(pose: Floats | None) -> None:
+    family = "fourier" if pose is None else "modified-fourier"
+    region = region_of(problem(family=family, start_pose=pose))
     x = 3.0 * random_numbers(region, 1, np.random.default_rng(3), fill=1.0)[0]
     assert region.barrier_value(region.slack(x)) == np.inf
     inside = region.pulled_inside(x)
     assert (region.slack(inside) > 0).all()
+    if pose is not None:
+        np.testing.assert_array_equal(inside[:, 0], pose)
     # The shapes stay; only size and place change.
     turned = inside[:, 1:] / np.linalg.norm(inside[:, 1:], axis=1, keepdims=True)
     before = x[:, 1:] / np.linalg.norm(x[:, 1:], axis=1, keepdims=True)

@@ -9,10 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from robot_oracles import DATA, needs_models
+from scipy.spatial import ConvexHull
 from urdf_samples import load_urdf
 
 from dynid.robot import Body, load_robot
-from dynid.robot.body import around_triangles, beyond
+from dynid.robot.body import around_points, around_triangles, beyond
 from dynid.robot.urdf_bodies import with_collision_geometry
 
 ROUNDING = 1e-9
@@ -355,3 +356,15 @@ def test_points_in_a_plane_have_a_surface(corner: list[float]) -> None:
     assert len(faces) > 3
     assert np.abs(vertices[:, 2]).max() < 1e-4
     assert np.allclose(np.ptp(vertices, axis=0)[:2], 1.0, atol=1e-4)
+
+
+@pytest.mark.parametrize("corners", [8, 20])
+def test_bodies_have_few_corners_and_a_radius_for_the_rest(corners: int) -> None:
+    """Of a ball of 100 mm: SciPy's hull of the corners holds it but for the radius."""
+    points = np.random.default_rng(0).normal(size=(300, 3))
+    points *= 0.1 / np.linalg.norm(points, axis=1, keepdims=True)
+    body, radius = around_points(points, corners=corners)
+    assert len(body) == corners
+    planes = ConvexHull(body).equations
+    outside = (points @ planes[:, :3].T + planes[:, 3]).max()
+    assert 0 < outside <= radius < 0.1
