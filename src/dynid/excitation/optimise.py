@@ -98,8 +98,6 @@ def without_turns(evaluation: DesignEvaluation, x: Array) -> Array:
     away = (q.min(axis=0) + q.max(axis=0) - bounds.lower - bounds.upper) / 2
     turns: Array = np.rint(away / (2 * np.pi))
     turns[np.array(evaluation.constraints.robot.prismatic, dtype=bool)] = 0.0
-    if not turns.any():
-        return x
     moved = np.array(x)
     moved[:, 0] -= 2 * np.pi * turns
     return moved
