@@ -27,7 +27,6 @@ from known_exports import (
 
 from dynid.core import Array, JobError
 from dynid.export import ExportModel, write_model, writing
-from dynid.export.model import recorded_range
 from dynid.export.verification import c_compiler, c_torque
 from dynid.identification import Estimate
 from dynid.regressor import FrictionTerms, InverseDynamicModel, LoadFriction, parse_terms
@@ -338,17 +337,3 @@ def test_what_a_urdf_leaves_out_is_told_in_size(tmp_path: Path) -> None:
     motors = urdf.model.terms["Im"] * estimate.motion.acceleration / np.sqrt(3.0)
     assert urdf.left_out_rms == pytest.approx(motors, rel=0.05)
     assert code.left_out_rms.max() < EXACT
-
-
-def test_friction_is_fitted_over_all_that_was_recorded() -> None:
-    estimate = estimate_of(load_robot("ur5"), parameters_of(load_robot("ur5"), 0))
-    seen = estimate.motion
-    q, dq, ddq = recorded_range(estimate)
-    for values, low, high in (
-        (q, seen.lower, seen.upper),
-        (dq, -seen.speed, seen.speed),
-        (ddq, -seen.acceleration, seen.acceleration),
-    ):
-        room = 0.02 * (high - low)
-        for found, end in ((values.min(axis=0), low), (values.max(axis=0), high)):
-            assert (np.abs(found - end) <= room).all()

@@ -20,7 +20,6 @@ from dynid.simulation import (
     simulated_arm,
 )
 from dynid.simulation import plant as plant_module
-from dynid.simulation.kernel import Tracker
 from dynid.trajectory import FourierSeries
 
 ROBOTS = [
@@ -137,8 +136,9 @@ def test_the_arm_holds_still_under_gravity(arm: SimulatedArm) -> None:
 
 def test_the_target_is_that_of_a_critically_damped_filter(arm: SimulatedArm) -> None:
     """q'' = r^2 (u - q) - 2 r q' with u on straight lines between set points, by SciPy."""
-    cycle, steps = 0.008, 8
-    tracker, rate = Tracker(arm, cycle, steps), arm.servo.filter_rate(cycle)
+    plant = SimulatedPlant(arm)
+    tracker, cycle = plant.tracker, plant.cycle
+    rate, steps = arm.servo.filter_rate(cycle), len(tracker.plan(np.zeros(6)))
     points = np.cumsum(np.random.default_rng(2).normal(size=(6, 6)) * 0.02, axis=0)
     tracker.reset(points[0])
     state = np.array([points[0], np.zeros(6)])
