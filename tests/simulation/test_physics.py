@@ -136,7 +136,7 @@ def test_the_arm_holds_still_under_gravity(arm: SimulatedArm) -> None:
 
 def test_the_target_is_that_of_a_critically_damped_filter(arm: SimulatedArm) -> None:
     """q'' = r^2 (u - q) - 2 r q' with u on straight lines between set points, by SciPy."""
-    plant = SimulatedPlant(arm)
+    plant = plant_module.SimulatedPlant(arm)
     tracker, cycle = plant.tracker, plant.cycle
     rate, steps = arm.servo.filter_rate(cycle), len(tracker.plan(np.zeros(6)))
     points = np.cumsum(np.random.default_rng(2).normal(size=(6, 6)) * 0.02, axis=0)
