@@ -180,9 +180,10 @@ def test_one_that_has_moved_is_named_and_others_are_refused(
     write_estimate(estimate, tmp_path / "estimate.json")
     words = ["export", str(tmp_path / "estimate.json"), "--to", "urdf", "-o"]
     assert main([*words, str(tmp_path / "a.urdf")]) == 0
-    assert f"{mine} is not there" in capsys.readouterr().out.replace("\n", "")
+    # Lines are broken where the path ends, which is as long as the folder's number.
+    assert f"{mine}isnotthere" in "".join(capsys.readouterr().out.split())
     assert main([*words, str(tmp_path / "b.urdf"), "--urdf", str(there)]) == 0
-    assert f"a copy of {there}" in capsys.readouterr().out
+    assert f"acopyof{there}" in "".join(capsys.readouterr().out.split())
     there.write_text(ARM.replace('xyz="0 0 .3"', 'xyz="0 0 .31"'))
     with pytest.raises(InputError, match="turn"):
         write_model(estimate, tmp_path / "other.urdf", "urdf", urdf=there)
