@@ -181,3 +181,11 @@ def test_units_of_the_other_kind_of_joint_are_told(tmp_path: Path, unit: str, wh
     (told,) = [problem for problem in record.problems if "was converted" in problem.text]
     assert told.kind == "unit_suspect"
     assert told.joints == (which,)
+
+
+def test_temperatures_may_end_in_a_letter() -> None:
+    names = [
+        "t",
+        *(f"{word}_{k}{end}" for word, end in (("q", ""), ("temp", "_C")) for k in (1, 2)),
+    ]
+    assert match_headers(names).columns["temperature"] == [3, 4]

@@ -312,3 +312,31 @@ def test_pickles_are_never_loaded(tmp_path: Path, protocol: int) -> None:
     np.save(tmp_path / "x.npy", {"t": T}, allow_pickle=True)  # pyright: ignore[reportArgumentType]
     with pytest.raises(RecordError, match=r"pickled Python objects.*savez"):
         read_recording(tmp_path / "x.npy")
+
+
+@pytest.mark.parametrize("name", ["{1}[{0}]{2}", "/joint_states/{0}/{1}{2}", "{0}_{1}{2}"])
+@pytest.mark.parametrize("suffix", [".npy", ".json", ".jsonl", ".h5"])
+def test_arrays_of_joints_by_name_are_put_in_order(tmp_path: Path, name: str, suffix: str) -> None:
+    """As in text tables; they were taken in the order of the file, and `_mNm` for N.m."""
+    order = [4, 1, 5, 0, 2, 3]
+    columns = {"t": T}
+    for word, unit, values in (
+        ("position", "_deg", np.degrees(Q)),
+        ("torque", "_mNm", 1e3 * CURRENT),
+    ):
+        columns |= {name.format(UR5.joint_names[k], word, unit): values[:, k] for k in order}
+    cells = np.column_stack(list(columns.values())).tolist()
+    rows = [dict(zip(columns, row, strict=True)) for row in cells]
+    table = np.array([tuple(row.values()) for row in rows], dtype=[(key, float) for key in columns])
+    path = tmp_path / f"a{suffix}"
+    if suffix == ".h5":
+        with pytest.importorskip("h5py").File(path, "w") as file:
+            file["log"] = table
+    elif suffix == ".npy":
+        np.save(path, table)
+    else:
+        lines = [json.dumps(row) for row in rows]
+        path.write_text("\n".join(lines) if suffix == ".jsonl" else f"[{','.join(lines)}]")
+    record = read_recording(path, robot=UR5)
+    assert record.metadata.joint_names == UR5.joint_names
+    assert_true(record)

@@ -163,7 +163,7 @@ _QUALIFIERS = (TARGET | OTHER | CONTENT) | words_of(
 )
 _SUNRISE = re.compile(r"_lbr_[a-z]+_\d+_r\d+(_\d+)?")
 """KUKA's DataRecorder writes the robot's name into each column's."""
-_ONE_LETTER = {"a": "current", "s": "t"}
+_ONE_LETTER = {"a": "current", "c": "temperature", "s": "t"}
 _OF_A_JOINT = MEASURED | TARGET | words_of("joint joints jnt axis axe achse gelenk motor ist")
 """Words beside a joint's number or name that leave it to the unit what the column holds."""
 _BY_UNIT = ("q", "qd", "qdd", "effort", "current", "temperature")

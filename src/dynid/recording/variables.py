@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dynid.core import Array, Finding, RecordError, UnclearRecordError, printable
 from dynid.recording.cells import factors_of, is_missing, past_midnight, stamp, taken_as_it_is
 from dynid.recording.columns import conversions, select
-from dynid.recording.headers import NotRecognised, match_headers
+from dynid.recording.headers import Match, NotRecognised, match_headers
 from dynid.recording.names import parse_name, says_degrees
 from dynid.recording.table import (
     ANGLES,
@@ -44,8 +44,8 @@ def _unit_of(quantity: str, path: str) -> str:
 
 def _guess_variables(
     variables: Mapping[str, Array], joints: Sequence[str]
-) -> tuple[dict[str, Array], dict[str, str], list[str]]:
-    """Quantity to array, quantity to path, and choices in words, by the paths of the variables.
+) -> tuple[dict[str, Array], dict[str, str], Match]:
+    """Quantity to array, quantity to path, and what the paths of the variables say.
 
     Raises:
         RecordError: The paths do not say what the arrays are, or several could be it.
@@ -84,7 +84,7 @@ def _guess_variables(
             arrays["t"] = stamps_of((clock,), lambda k: variables[paths[k]].ravel())["t"]
             labels["t"] = paths[clock.columns[0]]
             break
-    return arrays, labels, list(match.notes)
+    return arrays, labels, match
 
 
 @contextmanager
@@ -179,10 +179,10 @@ def table_of(
     """
     if not variables:
         raise RecordError("there are no arrays of numbers")
-    notes: list[str] = []
+    match = Match(columns={}, clocks=())
     joints = len(options.joints) or None
     if options.columns is None:
-        arrays, paths, notes = _guess_variables(variables, options.joints)
+        arrays, paths, match = _guess_variables(variables, options.joints)
     else:
         # HDF5 attributes add a unit to a path, which a user need not write.
         marked = {_bare(path): path for path in variables}
@@ -192,7 +192,9 @@ def table_of(
             for name, path in options.columns.items()
         }
         arrays = {name: _pick(variables, name, path) for name, path in paths.items()}
+    notes = list(match.notes)
     beside = _names_beside(variables, paths["q"], names) if "q" in paths else ()
+    beside = match.joint_names or beside
     if beside and (joints is None or len(beside) > joints):
         joints = len(beside)
     if clock := _leading_clock(arrays, joints):
@@ -209,6 +211,9 @@ def table_of(
         if name == "t":
             continue
         factors[name], unknown = factors_of(name, [said.get(name, "")])
+        if name in match.said:
+            # Of one vector a joint, whose name the path has beside the unit.
+            factors[name], unknown = match.factors[name][:1], None
         if unknown is not None:
             notices.append(taken_as_it_is(name, paths[name], said.pop(name)))
         signals[name] = _upright(value, length, width, f"{name}={paths[name]}") * factors[name]
@@ -226,7 +231,7 @@ def table_of(
         t=t,
         time_scale=parse_name(paths["t"]).time_scale if "t" in paths else None,
         labels={name: (path,) * signals["q"].shape[1] for name, path in paths.items()},
-        said=frozenset(said),
+        said=match.said | frozenset(said),
         joint_names=beside if len(beside) == signals["q"].shape[1] else (),
         notes=tuple(notes),
         notices=tuple(notices),
