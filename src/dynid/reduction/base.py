@@ -114,7 +114,9 @@ def regrouping(
     columns = upper_triangle(scaled)
     base = _first_come(columns, max(tolerance, ROUNDING))
     clear = _first_come(columns, max(tolerance, WEAK))
-    if len(clear) == len(base):
+    values = np.linalg.svd(columns, compute_uv=False)
+    # Rounding over the share of a column that hardly differs can look like a direction of its own.
+    if len(clear) in (len(base), (values > tolerance * values[0]).sum()):
         base = clear
     dependent = [j for j in range(scaled.shape[1]) if j not in base]
     r = len(base)
