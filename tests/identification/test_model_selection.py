@@ -169,6 +169,8 @@ def test_a_reversal_is_motion_and_a_stop_is_rest() -> None:
     moves = moving_rows(dq, 100.0)[:, 0]
     assert moves[(t > 1.0) & (t < 4.8)].all()
     assert not moves[t > 5.2].any()
+    # A rate as stamps from 100 s on give it.
+    np.testing.assert_array_equal(moving_rows(dq, 100.00000000000014)[:, 0], moves)
 
 
 def written_with(robot: RobotModel, decimals: int) -> RobotModel:

@@ -155,6 +155,17 @@ def test_a_known_delay_is_undone(rate: float) -> None:
     assert np.abs(left.tau - _torque(left.t))[:, 0].max() > 0.2
 
 
+@pytest.mark.parametrize("start", [0.0, 12345.0, 1e6, 1.7e9])
+def test_where_the_stamps_start_changes_nothing(start: float) -> None:
+    """The rate is 100 Hz but for its last digits: a sample less at each end, another derivative."""
+    record = _record(rate=100.0)
+    shifted = replace(record, t=start + (record.t - record.t[0]))
+    settings = {"cutoff_hz": 10.0, "derivative": "savgol", "delays_s": (0.02, 0.0, -0.02)}
+    ours, theirs = _run(record, **settings), _run(shifted, **settings)
+    assert len(ours.t) == len(theirs.t)
+    np.testing.assert_allclose(theirs.ddq, ours.ddq, atol=1e-4)
+
+
 def test_delays_go_round_a_period() -> None:
     t = np.arange(1000) / 100.0
     torque = np.column_stack([np.sin(2 * np.pi * t / 10), np.cos(4 * np.pi * t / 10)])

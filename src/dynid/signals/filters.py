@@ -17,7 +17,7 @@ def derivative(values: Array, rate_hz: float, method: str, cutoff_hz: float) -> 
     cubic over one period of the cut-off.
     """
     if method == "savgol":
-        half = max(2, int(0.5 * rate_hz / cutoff_hz))
+        half = max(2, int(0.5 * rate_hz / cutoff_hz + 1e-6))
         width = min(2 * half + 1, len(values) - 1 + len(values) % 2)
         savgol = scipy_part("signal").savgol_filter
         slope: Array = savgol(values, width, 3, deriv=1, delta=1.0 / rate_hz, axis=0)

@@ -350,7 +350,7 @@ def unsettled(rate_hz: float, settings: ProcessingSettings, cutoff_hz: float) ->
     """Samples beside an end or a gap that filter and delay carry it to."""
     edge = int(np.ceil(TIME_CONSTANTS / (2 * np.pi * cutoff_hz) * rate_hz))
     longest = max((abs(d) for d in settings.delays_s or ()), default=0.0)
-    return edge + int(np.ceil(longest * rate_hz))
+    return edge + int(np.ceil(longest * rate_hz - 1e-6))
 
 
 def _kept(

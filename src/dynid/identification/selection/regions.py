@@ -76,7 +76,8 @@ def find_regions(positions: Sequence[Array], sliding: Sequence[bool]) -> Regions
 def moving_rows(dq: Array, rate_hz: float) -> Mask:
     """(N, n) where joints move or reverse; where they stand, friction hides the torque."""
     speed = np.abs(dq)
-    span = 2 * int(np.ceil(STANDING_S * rate_hz)) + 1
+    # Stamps give rates like 100.0000001.
+    span = 2 * int(np.ceil(STANDING_S * rate_hz - 1e-6)) + 1
     fastest: Array = scipy_part("ndimage").maximum_filter1d(speed, span, axis=0)
     return np.asarray(fastest > SLOWEST * np.maximum(np.percentile(speed, 99, axis=0), 1e-9))
 
