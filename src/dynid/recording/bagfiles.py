@@ -192,8 +192,6 @@ def _is_short(path: Path) -> bool:
     """Whether pages are missing at the end of the file."""
     with path.open("rb") as stream:
         head = stream.read(32)
-    if len(head) < 32:
-        return True
     size, pages = struct.unpack_from(">H", head, 16)[0], struct.unpack_from(">I", head, 28)[0]
     return path.stat().st_size < pages * (65536 if size == 1 else size)
 

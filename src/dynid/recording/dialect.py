@@ -348,11 +348,6 @@ def _first_row(
         titled |= len(cells) != width and any(map(is_name, cells))
         if header is False or (_is_data(*count(cells, decimal)) and not titled):
             return k
-        # A damaged first row is a row, not a header: a header is made of names, or of units.
-        numbers, present = count(cells, decimal)
-        named = titled or numbers == 0 or 2 * sum(map(is_name, cells)) >= present
-        if header is None and not (named or _are_units(cells)):
-            return k
     return start
 
 
@@ -390,8 +385,6 @@ def _names(
             cells[::2] = ["Time [ms]", *[""] * (width // 2 - 1)]
             return tuple(cells)
     for k, cells in reversed(list(enumerate(table))):
-        if not any(cells):
-            continue
         if _are_units(cells):
             units = [cell.strip("[]()- ") for cell in cells] if len(cells) == width else units
             continue

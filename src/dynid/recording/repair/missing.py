@@ -80,8 +80,7 @@ def _with_torques(table: RawTable) -> str:
     kept = {name: table.columns[name] for name in ("q", "qd") if name in table.columns}
     if "q" not in kept:
         return "t=PATH,q=PATH,effort=PATH"
-    time = "" if table.t is None else "t=COLUMN,"
-    return f"{time}{spelled(kept)},effort=FIRST:END (from 0, END excluded)"
+    return f"t=COLUMN,{spelled(kept)},effort=FIRST:END (from 0, END excluded)"
 
 
 def _without_zeros(table: RawTable) -> RawTable:
@@ -210,10 +209,9 @@ def _placeholders(column: Array) -> Mask:
         return bad
     low, high = np.quantile(column[single], [0.005, 0.995])
     far = _FAR * float(high - low)
-    if far > 0:
-        for start, length in long:
-            if not low - far <= float(column[start]) <= high + far:
-                bad[start - 1 : start + length] = True
+    for start, length in long:
+        if not low - far <= float(column[start]) <= high + far:
+            bad[start - 1 : start + length] = True
     return bad
 
 

@@ -173,7 +173,7 @@ def _stretches(x: Array, ticks: Array, longest: int) -> tuple[list[tuple[int, in
     moved = moved if len(moved) > _RENEWED * len(steps) else steps
     usual = float(np.quantile(moved, 0.99))
     large = steps > max(6 * usual, 0.01)
-    usual = float(np.quantile(steps[~large], 0.99)) if (~large).any() else usual
+    usual = float(np.quantile(steps[~large], 0.99))
     jumps = np.flatnonzero(large).tolist()
     if not jumps or len(jumps) > _MOST_JUMPS:
         return [], []

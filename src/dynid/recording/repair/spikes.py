@@ -113,8 +113,6 @@ def _off_the_curve(base: Array, x: Array, width: int) -> Array:
     """
     off = np.zeros(len(x))
     n = len(x) - 3 - width
-    if n <= 0:
-        return off
     starts = (0, 1, 2 + width, 3 + width)
     nodes = [base[k : n + k] for k in starts]
     at = slice(2, n + 2)
@@ -148,8 +146,6 @@ def _confirmed(
         if any(abs(k - other[0]) <= width + 1 for other, _ in taken):
             continue
         around = [j for j in range(k - 3, k + width + 3) if 0 <= j < len(x) and j not in block]
-        if len(around) < 5:
-            continue
         residue = min(
             max(_residue(base, x, around, j) for j in (k - 1, k + width)) for base in bases
         )
@@ -165,8 +161,6 @@ def _step_across(x: Array, k: int, width: int) -> float:
     A spike comes back to where it left; a step, as of a slow sensor, does not.
     """
     before, after = k - 1, k + width
-    if before < 1 or after + 1 >= len(x):
-        return np.inf
     slope = 0.5 * float(x[before] - x[before - 1] + x[after + 1] - x[after])
     return abs(float(x[after] - x[before]) - (width + 1) * slope)
 

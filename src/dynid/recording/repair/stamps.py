@@ -125,19 +125,13 @@ def lay_together(table: RawTable) -> RawTable:
             f"{quantity} has rows of its own, {rates[0] / rates[1]:.3g} times as many a second as "
             "q; it is read between them on straight lines",
         )
-    return _without_blank(table, there)
+    return _without_blank(table)
 
 
-def _without_blank(table: RawTable, there: Mask) -> RawTable:
-    """Without rows that hold nothing of the joints."""
-    blank = np.all([np.isnan(value).all(axis=1) for value in table.signals.values()], axis=0)
-    blank &= ~table.reported
-    partly = ~there & ~blank
-    if blank.mean() > 0.05:
-        # Beside them stand rows that held another quantity only, which is on q's rows by now.
-        blank |= partly & np.isnan(table.signals["q"]).all(axis=1)
-    elif partly.mean() > 0.05:
-        blank |= np.isnan(table.signals["q"]).all(axis=1)
+def _without_blank(table: RawTable) -> RawTable:
+    """Without rows that have no positions."""
+    # Those that held another quantity only: it is on q's rows by now.
+    blank = ~rows_with(~np.isnan(table.signals["q"]))
     if blank.mean() <= 0.05:
         return table
     kept = table.keep(~blank, counted=False)
