@@ -322,8 +322,6 @@ def _best(lines: list[str], delimiters: tuple[str, ...]) -> tuple[str, str, int]
             found, points = widths.most_common(1)[0] if widths else (0, 0)
             if points > score:
                 best, sign, width, score = delimiter, decimal, found, points
-            if found > 1 and points >= 0.95 * found * len(lines):
-                return best, sign, width
     return best, sign, width
 
 
