@@ -19,7 +19,6 @@ from dynid.reduction import BaseParametrization, acting_joints
 
 ROUNDS = 6
 """Rounds of weighting each joint of each recording by its own noise."""
-SETTLED = 1e-3
 UNRESOLVED = 1e-9
 """Eigenvalue over the largest, columns of unit norm, below which no recording shows a direction."""
 UNSEEN_SHARE = 1e-3
@@ -170,11 +169,7 @@ def solve_robot(statistics: Sequence[RecordStatistics]) -> RobotStates:
     for _ in range(ROUNDS):
         shared = _pooled(rest, noise)[0]
         left = np.linalg.norm(rest @ np.append(shared, -1.0), axis=2)
-        update = np.maximum(left / np.sqrt(np.maximum(samples - inner, 1.0)), least)
-        settled = np.abs(update / noise - 1).max() < SETTLED
-        noise = update
-        if settled:
-            break
+        noise = np.maximum(left / np.sqrt(np.maximum(samples - inner, 1.0)), least)
     shared, inverse, resolved = _pooled(rest, noise)
     whole, lever, gain = _friction(factors, shared)
     scores = np.array([one.scores for one in statistics])
