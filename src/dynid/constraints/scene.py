@@ -318,7 +318,5 @@ def surrounded(
             pose = _facing(end / 2, end)
             size = np.array([tool.radius, length / 2, 0.0])
             payload.append(Shape(name=name, kind=CYLINDER, pose=pose, size=size))
-    if not shapes and not payload:
-        return settings
     whole = Scene(shapes=tuple(shapes), payload=tuple(payload), source=scene.source)
     return replace(settings, scene=whole)

@@ -419,9 +419,7 @@ def _touched(contact: Contact, robot: RobotModel) -> Finding:
 
 def _absolute(record: ExperimentRecord) -> bool:
     """Whether all torques are cut at zero: none is negative, and each comes close to zero."""
-    tau = record.signals.get("effort", record.signals.get("current"))
-    if tau is None:
-        return False
+    tau = record.signals["effort" if "effort" in record.signals else "current"]
     low, high = tau.min(axis=0), tau.max(axis=0)
     return bool(((low >= 0.0) & (low < NEAR_ZERO * high)).all())
 

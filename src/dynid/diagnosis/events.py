@@ -157,8 +157,6 @@ def contact_stretches(
         error: (N, n) measured less predicted torques [N.m or N].
         held: (n) torques that friction may hold at rest [N.m or N].
     """
-    if len(t) < 2:
-        return ()
     # Where the joints started does not matter: positions only tell whether they moved since.
     q = np.cumsum(dq, axis=0) * (t[1] - t[0])
     rec = Recording(robot=robot, t=t, q=q, dq=dq, ddq=np.zeros_like(dq), tau=error, block=1)

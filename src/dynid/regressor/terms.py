@@ -117,8 +117,6 @@ def friction_state(q: Array, displacement: Array, *, periodic: bool = False) -> 
         (n, N) from -1 to 1.
     """
     samples = q.shape[1]
-    if not samples:
-        return np.zeros(q.shape)
     whole = np.array(np.concatenate([q, q], axis=1) if periodic else q, order="C")
     state = np.zeros(whole.shape)
     _follow(whole, np.array(displacement), state)

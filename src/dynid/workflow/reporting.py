@@ -104,8 +104,6 @@ def _judged(found: StoredDesign) -> JudgedMotion | None:
     shares = np.array([[1.0 - usage.worst[kind].margin for kind in KINDS] for usage in usages])
     # Each pair has a clearance of its own: beyond it, one line at zero is the limit of all.
     gaps = np.array([[usage.worst[kind].room for kind in DISTANCES] for usage in usages])
-    if not np.isfinite(shares).any() and not np.isfinite(gaps).any():
-        return None
     return JudgedMotion(t=t, kinds=KINDS, shares=shares, distance_kinds=DISTANCES, distances=gaps)
 
 

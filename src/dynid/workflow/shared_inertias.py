@@ -249,12 +249,10 @@ def identify_gains(record: RecordLike, robot: RobotLike) -> identification.Drive
     record = open_record(record, model)
     missing = [name for name in TARGETS if name not in record.signals]
     velocity = record.signals.get("target_qd", record.signals.get("qd"))
-    if velocity is None:
-        missing.append("target_qd or qd")
     if missing or velocity is None:
         raise InputError(
             "drive gains need the controller's own targets",
-            value=f"no {', '.join(missing)}",
+            value=f"no {', '.join(missing or ['target_qd or qd'])}",
             next_step="Record with dynid run, or import with --columns ...,target_current=A:B.",
         )
     found = identification.drive_gains(
