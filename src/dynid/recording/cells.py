@@ -178,7 +178,9 @@ _ANGLE = {
     **_LENGTH,
 }
 _RATE = {
-    **{"rpm": _REV / 60, "1/min": _REV / 60, "rps": _REV, "dps": _DEG, "mdps": 1e-3 * _DEG},
+    **dict.fromkeys(("rpm", "1/min", "rev/min", "revmin"), _REV / 60),
+    **dict.fromkeys(("r/min", "u/min", "turn/min", "turns/min"), _REV / 60),
+    **{"rps": _REV, "dps": _DEG, "mdps": 1e-3 * _DEG},
     **{"degs": _DEG, "rads": 1.0, "degps": _DEG, "radps": 1.0},
 }
 _TIME = {
@@ -241,19 +243,13 @@ def factors_of(quantity: str, units: Sequence[str]) -> tuple[tuple[float, ...], 
 
 
 def _per_second(text: str, dimension: str) -> float | None:
-    if dimension == "rate" and text in _RATE:
-        return _RATE[text]
+    if dimension == "rate" and (factor := _RATE.get(text.replace(" ", ""))):
+        return factor
     seconds = 1 if dimension == "rate" else 2
     stem, left = text.replace("²", "2").replace("⁻¹", "-1").replace("^-", "^"), 0
     while left < seconds and (match := _PER.search(stem)):
         left += int(match.group(3) or 1)
         stem = stem[: match.start()].strip()
-    if (
-        left == 0
-        and dimension == "rate"
-        and re.fullmatch(r"(rev|r|u|turns?)\s*/\s*min|revmin", text)
-    ):
-        return _REV / 60
     # `dq [rad]` is a slip of the pen: a rate in radians is meant a second.
     return _ANGLE.get(stem) if left in (0, seconds) else None
 
