@@ -101,6 +101,16 @@ def test_degrees_without_the_flag_are_refused_for_a_robot() -> None:
     assert codes(run(degrees)) == ["unit_suspect"]
 
 
+def test_positions_beyond_the_limits_are_reported() -> None:
+    table, robot = raw(), load_robot("ur5")
+    q = table.signals["q"]
+    limits = replace(
+        robot.limits, lower=q.min(axis=0) - 1, upper=q.max(axis=0) - 0.3 * np.eye(6)[2]
+    )
+    told = [problem.message for problem in run(table, robot=replace(robot, limits=limits)).problems]
+    assert any("goes 0.3 beyond the limits of ur5 (1 joints do)" in text for text in told), told
+
+
 def test_radians_with_the_flag_are_suspected() -> None:
     assert "unit_suspect" in codes(run(raw(), degrees=True))
 
