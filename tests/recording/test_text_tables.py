@@ -96,6 +96,18 @@ def test_headerless_table_by_columns(tmp_path: Path, delimiter: str) -> None:
     np.testing.assert_array_equal(again.signals["q"], record.signals["q"])
 
 
+def test_a_damaged_first_row_of_a_headerless_table_is_told(tmp_path: Path) -> None:
+    """More than half of it is no number: it is a row that is lost, not a header."""
+    motion = Motion()
+    q, qd, i = (f(motion.t) for f in (motion.position, motion.velocity, motion.current))
+    rows = [[f"{x:.6f}" for x in row] for row in np.column_stack([motion.t, q, qd, i])]
+    rows[0][2:14] = ["#$%", "---", "x@!", "??", "..", "!!", "&&", "((", "))", "4f#", "1x2", "0x"]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(map(",".join, rows)), encoding="utf-8")
+    record = read_recording(path, columns=COLUMNS)
+    assert (record.samples, record.metadata.dropped_rows) == (motion.samples - 1, 1)
+
+
 def test_decimal_comma(tmp_path: Path) -> None:
     motion = Motion()
     path = write_plain_csv(motion, tmp_path / "x.csv", ";")

@@ -63,6 +63,8 @@ def lay_side_by_side(dialects: list[Dialect], joints: int | None = None) -> list
     Raises:
         RecordError: A length that is no multiple.
     """
+    if len(dialects) == 1:
+        return [Sheet(dialect=dialects[0], first=0, width=dialects[0].width)]
     # A table with several columns has as many rows as it has lines: it sets the length too.
     wanted = dialects if any(d.width == 1 for d in dialects) else []
     grids = [read_grid(dialect, [0]) for dialect in wanted]

@@ -346,6 +346,11 @@ def _first_row(
         titled |= len(cells) != width and any(map(is_name, cells))
         if header is False or (_is_data(*count(cells, decimal)) and not titled):
             return k
+        # A damaged first row is a row, not a header: a header is made of names, or of units.
+        numbers, present = count(cells, decimal)
+        named = titled or numbers == 0 or 2 * sum(map(is_name, cells)) >= present
+        if header is None and not (named or _are_units(cells)):
+            return k
     return start
 
 
