@@ -63,6 +63,7 @@ FINDING_LINES = 12
 
 def print_identification(screen: Console, result: Identification, *, everything: bool) -> None:
     """Print the verdict, the errors and the findings; all parameters and choices if asked to."""
+    from dynid.identification import ILL_CONDITIONED
     from dynid.validation import errors_by_kind
     from dynid.workflow import verdict
 
@@ -77,7 +78,7 @@ def print_identification(screen: Console, result: Identification, *, everything:
     screen.print(
         f"condition number of the motion {show.number(estimate.motion_condition_number, 3)}: "
         "errors of torque grow at most by this factor on other motions at its speeds (good: "
-        "below 20)"
+        f"below {ILL_CONDITIONED:.0f})"
     )
     if result.accuracy is not None:
         screen.print(result.accuracy.describe())

@@ -58,6 +58,7 @@ from dynid.identification.payload import Payload as Payload
 from dynid.identification.payload import payload_of as payload_of
 from dynid.identification.physical import PhysicallyConsistent as PhysicallyConsistent
 from dynid.identification.physical import standard_posterior as standard_posterior
+from dynid.identification.problem import ILL_CONDITIONED as ILL_CONDITIONED
 from dynid.identification.problem import IdentificationProblem as IdentificationProblem
 from dynid.identification.problem import motion_state as motion_state
 from dynid.identification.problem import recorded_rows as recorded_rows

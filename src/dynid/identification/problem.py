@@ -166,7 +166,7 @@ def triangles(
 
 
 ILL_CONDITIONED = 20.0
-"""Of `motion_condition_number`."""
+"""Of `motion_condition_number`: motions made to identify arms reach 2 to 18."""
 LARGEST = 1e16
 """Beyond rounding all condition numbers are alike, and JSON knows no infinity."""
 ELSEWHERE = 1000
@@ -223,8 +223,9 @@ def motion_condition_number(
     Of all combinations of the paper's parameters, the largest ratio of its RMS torque on random
     motions to that on the recordings: the condition number of the one relative to the other. The
     random motions are anywhere within the position limits, their RMS speeds and accelerations are
-    the recorded ones; torques of a joint count by their recorded RMS. Units, frames and the choice
-    of base parameters do not matter, nor do cut-off, delays and velocity source of the settings.
+    the recorded ones; torques of a joint count by their recorded RMS. Units, link frames and the
+    choice of base parameters do not matter, nor do cut-off, delays and velocity source of the
+    settings; another draw of the random motions changes it by a few per cent.
     Differentiated noise fills the columns of a poor record: the motion is smoothed down to twice
     its own bandwidth first, which leaves a good record as it is.
     """
