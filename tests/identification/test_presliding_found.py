@@ -13,9 +13,10 @@ from known_robot import COULOMB, NOISE, identified, recording, ur5
 from dynid import identify
 from dynid.bench import arm, motion, plant
 from dynid.diagnosis import findings_of
-from dynid.identification import read_estimate, write_estimate
+from dynid.identification import motion_state, read_estimate, write_estimate
 from dynid.recording import ExperimentRecord
-from dynid.regressor import FrictionTerms
+from dynid.regressor import FrictionTerms, InverseDynamicModel
+from dynid.signals import joined, process
 from dynid.trajectory import random_excitation
 from dynid.validation import validate
 from dynid.workflow import Identification, IdentifySettings
@@ -79,6 +80,14 @@ def test_friction_of_a_motor_that_is_coupled_builds_up_over_its_own_motion() -> 
     assert (np.abs(found.estimate.settings.delays_s or 0.0) < 0.01).all()
     # Nor are they late for a diagnosis, which looks at the recordings alone (17.6 ms before).
     assert findings_of(presliding(1, coupled=True), robot) == ()
+
+
+def test_each_recording_starts_anew_whatever_was_recorded_before() -> None:
+    # The first ends far from where the second begins: no joint slid from there to here.
+    parts = [process(presliding(seed), ur5()) for seed in (0, 1)]
+    model = InverseDynamicModel(robot=ur5(), friction=FrictionTerms(presliding=(0.3,) * 6))
+    alone = np.concatenate([model.friction_state(part.q) for part in parts], axis=1)
+    np.testing.assert_array_equal(motion_state(model, joined(parts)), alone)
 
 
 def test_friction_is_that_of_the_arm(found: Identification) -> None:

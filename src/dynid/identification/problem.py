@@ -90,7 +90,10 @@ def chunk_size(samples: Samples) -> int:
 def motion_state(model: InverseDynamicModel, samples: Samples) -> Array | None:
     """(n, N) state of presliding friction along samples; None without any."""
     # Only averaged periods know the scatter between them.
-    return model.friction_state(samples.q, periodic=samples.noise is not None)
+    periodic = samples.noise is not None
+    states = [model.friction_state(samples.q[run], periodic=periodic) for run in samples.runs]
+    known = [state for state in states if state is not None]
+    return np.concatenate(known, axis=1) if known else None
 
 
 def recorded_rows(

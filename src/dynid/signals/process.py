@@ -128,6 +128,12 @@ class Samples(Value):
         return used_rows(self.count, self.torque_filter, self.rate_hz)
 
     @property
+    def runs(self) -> list[slice]:
+        """Parts between which no motion was recorded for `APART_S`: each starts anew."""
+        cuts = np.flatnonzero(np.diff(self.t) > APART_S - 0.5 / self.rate_hz) + 1
+        return [slice(a, b) for a, b in zip([0, *cuts], [*cuts, self.count], strict=True)]
+
+    @property
     def count(self) -> int:
         """Number of samples N."""
         return len(self.t)
@@ -138,9 +144,13 @@ class Samples(Value):
         return self.q.shape[1]
 
 
+APART_S = 1.0
+"""Between recordings that are joined; after as long without samples the motion is not known."""
+
+
 def joined(parts: Sequence[Samples]) -> Samples:
-    """Samples of several records, one after the other, a second apart."""
-    starts = np.cumsum([0.0, *(part.t[-1] + 1.0 for part in parts[:-1])])
+    """Samples of several records, one after the other, `APART_S` apart."""
+    starts = np.cumsum([0.0, *(part.t[-1] + APART_S for part in parts[:-1])])
     names = ("q", "dq", "ddq", "tau")
     return replace(
         parts[0],

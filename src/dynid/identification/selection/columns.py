@@ -75,11 +75,13 @@ class CandidateColumns:
 
     def states(self, samples: Samples) -> Array:
         """(n, d, N) states of presliding friction, one a displacement; d = 0 without."""
-        q = samples.q.T
-        periodic = samples.noise is not None
-        over = [d * self.unit for d in self.displacements]
-        every = [regressor.friction_state(q, d, periodic=periodic) for d in over]
-        return np.stack(every, axis=1) if every else np.zeros((len(q), 0, samples.count))
+        states = np.zeros((samples.joints, len(self.displacements), samples.count))
+        for k, over in enumerate(self.displacements):
+            for run in samples.runs:
+                states[:, k, run] = regressor.friction_state(
+                    samples.q[run].T, over * self.unit, periodic=samples.noise is not None
+                )
+        return states
 
     def values(self, joint: int, dq: Array, load: Array, states: Array) -> Array:
         """(c, N) the columns of one joint.
