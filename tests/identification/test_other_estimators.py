@@ -123,7 +123,7 @@ def test_the_posterior_is_bayes_rule(problem: IdentificationProblem) -> None:
     weights = np.full(6, 0.5)
     prior = published_prior(problem.base)
     factors, mean, root = joint_factors(problem), prior.mean, prior.root / 0.3
-    values, information = posterior(factors, weights, mean, root)
+    values, information = posterior(factors, weights, problem.base, mean, root)
     a, b = dense(problem, weights)
     precision = root.T @ root
     total = a.T @ a + precision
@@ -207,7 +207,7 @@ def test_plausible_bodies_do_not_hold_heavy_ones_back(truth: np.ndarray, heavier
 def test_little_data_leaves_the_prior(problem: IdentificationProblem) -> None:
     prior = published_prior(problem.base)
     factors = joint_factors(problem) * 1e-6
-    values, _ = posterior(factors, np.ones(6), prior.mean, prior.root / 0.3)
+    values, _ = posterior(factors, np.ones(6), problem.base, prior.mean, prior.root / 0.3)
     # Friction and motor inertia have no prior: the data alone speak of them.
     away = prior.root @ (values - prior.mean)
     np.testing.assert_allclose(away, 0.0, atol=1e-6 * np.abs(prior.root @ prior.mean).max())

@@ -264,7 +264,9 @@ class TowardPublished(least_squares.Estimator):
             problem,
             factors,
             self.groups,
-            lambda weights: posterior(factors, weights, known.mean, root, least_squares.PRIOR_GAIN),
+            lambda weights: posterior(
+                factors, weights, problem.base, known.mean, root, least_squares.PRIOR_GAIN
+            ),
         )
         return replace(
             fit,
@@ -302,7 +304,7 @@ class BayesianRegression(least_squares.Estimator):
         if not known.published:
             scale = likely_scale(factors, tempered, known.mean, root)
             relative, root = scale * relative, root / scale
-        values, information = posterior(factors, tempered, known.mean, root)
+        values, information = posterior(factors, tempered, problem.base, known.mean, root)
         return replace(
             plain,
             values=values,
@@ -340,7 +342,12 @@ def likely_scale(factors: Array, weights: Array, mean: Array, root: Array) -> fl
 
 
 def posterior(
-    factors: Array, weights: Array, mean: Array, root: Array, prior_gain: float | None = None
+    factors: Array,
+    weights: Array,
+    base: BaseParametrization,
+    mean: Array,
+    root: Array,
+    prior_gain: float | None = None,
 ) -> tuple[Array, Array]:
     """Mean (r) of the posterior and the root (r, r) of its precision.
 
@@ -348,4 +355,4 @@ def posterior(
     (k, r) of its precision; a weak prior on what neither of them shows, see `PRIOR_GAIN`.
     """
     prior = np.column_stack([root, root @ mean])
-    return least_squares.solve(factors, weights, prior_gain, prior)
+    return least_squares.solve(factors, weights, base, prior_gain, prior)

@@ -205,7 +205,7 @@ def gravity_of(robot: RobotModel, q: Array, torque: Array, *, frames: str = "") 
     def solved(weights: Array) -> tuple[Array, Array]:
         if not robot.published.any():
             scales.append(likely_scale(factors, weights, mean, root))
-        return posterior(factors, weights, mean, root / scales[-1])
+        return posterior(factors, weights, base, mean, root / scales[-1])
 
     fit = least_squares.reweighted(problem, factors, None, solved)
     inverse = np.linalg.inv(fit.information)

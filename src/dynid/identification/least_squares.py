@@ -14,10 +14,12 @@ from dynid.core import (
     JobError,
     Value,
     frozen,
+    inverse_upper,
     solve_upper,
     upper_triangle,
 )
-from dynid.identification.problem import IdentificationProblem, joint_factors
+from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
+from dynid.reduction import BaseParametrization
 
 PRIOR_GAIN = 1.0
 """Standard deviation expected of a parameter's share of the torque, over the torque itself."""
@@ -114,7 +116,7 @@ class OrdinaryLeastSquares(Estimator):
         """See `Estimator`."""
         factors = joint_factors(problem)
         weights = np.ones(len(factors))
-        values, information = solve(factors, weights)
+        values, information = solve(factors, weights, problem.base)
         noise = residual_noise(factors, values, problem)
         return Fit(values=values, noise=noise, weights=weights, information=information)
 
@@ -137,7 +139,7 @@ class WeightedLeastSquares(Estimator):
             problem,
             factors,
             self.groups,
-            lambda weights: solve(factors, weights, self.prior_gain),
+            lambda weights: solve(factors, weights, problem.base, self.prior_gain),
             problem.samples.noise,
         )
 
@@ -177,12 +179,19 @@ def reweighted(
 
 
 def solve(
-    factors: Array, weights: Array, prior_gain: float | None = None, known: Array | None = None
+    factors: Array,
+    weights: Array,
+    base: BaseParametrization,
+    prior_gain: float | None = None,
+    known: Array | None = None,
 ) -> tuple[Array, Array]:
     """Values (r) and the triangular root (r, r) of the information of the weighted problem.
 
     From factors (n, r + 1, r + 1) of `joint_factors` and weights (n); `prior_gain` as `PRIOR_GAIN`,
     None for plain least squares; rows (k, r + 1) of what is `known` besides.
+
+    The weak prior is one of the standard parameters: base columns that hardly differ from each
+    other, which depends on link frames, carry torques that cancel and exceed all measured ones.
 
     Raises:
         JobError: Singular to working precision.
@@ -191,12 +200,14 @@ def solve(
     rows = (factors * weights[:, None, None]).reshape(-1, r + 1)
     rows = rows if known is None else np.vstack([rows, known])
     if prior_gain is not None:
-        # Column k explains norm(scale_k p_k) of the norm of all torques.
-        scale = np.linalg.norm(rows, axis=0)
+        mapping = base_mapping(base)
+        # Standard column k explains norm(scale_k p_k) of the norm of all torques.
+        scale = np.linalg.norm(rows[:, :r] @ mapping, axis=0)
         # What no torque shows stays with the prior: zero.
         scale[scale == 0] = 1.0
         expected = max(prior_gain * np.linalg.norm(rows[:, r]), 1e-300)
-        rows = np.vstack([rows, np.eye(r, r + 1) * scale / expected])
+        root = inverse_upper(upper_triangle((mapping * expected / scale).T)).T
+        rows = np.vstack([rows, np.column_stack([root, np.zeros(r)])])
     return solve_rows(rows)
 
 
@@ -279,7 +290,7 @@ class HuberRegression(Estimator):
             rows = np.minimum(1.0, HUBER * noise[:, None] / (np.abs(residual) + 1e-300))
             # Least squares multiplies rows by the root of their weight.
             factors = joint_factors(problem, np.sqrt(rows))
-            update, information = solve(factors, 1.0 / noise, self.prior_gain)
+            update, information = solve(factors, 1.0 / noise, problem.base, self.prior_gain)
             step = np.linalg.norm(information @ (update - values))
             size = np.linalg.norm(information @ update)
             values = update
@@ -295,7 +306,7 @@ class HuberRegression(Estimator):
             values=values,
             noise=noise,
             weights=1.0 / noise,
-            information=solve(held, 1.0 / noise, self.prior_gain)[1],
+            information=solve(held, 1.0 / noise, problem.base, self.prior_gain)[1],
             row_weights=level * rows,
         )
 
@@ -369,6 +380,6 @@ class RecursiveLeastSquares(Estimator):
         """See `Estimator`."""
         weights = 1.0 / WeightedLeastSquares().fit(problem).noise
         factors = joint_factors(problem)
-        values, information = solve(factors, weights)
+        values, information = solve(factors, weights, problem.base)
         noise = residual_noise(factors, values, problem)
         return Fit(values=values, noise=noise, weights=weights, information=information)

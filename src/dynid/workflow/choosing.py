@@ -64,7 +64,7 @@ def _estimator(
                 value=robot.name,
             )
         groups = tuple(int(k) for k in np.unique(torque, return_inverse=True)[1])
-    if settings.estimator is None and weight > 0:
+    if settings.estimator is None:
         return identification.TowardPublished(weight=weight, groups=groups)
     return identification.WeightedLeastSquares(groups=groups, prior_gain=gain)
 

@@ -149,7 +149,7 @@ def assess(
     count = float(blocks.rows[0].sum())
     known = published_prior(problem.base)
     prior = gram.Shrinkage(mean=known.mean, precision=known.precision)
-    strength = max(near_weights[-1] if near_weights else 0.0, WEAKEST) * count
+    strength = (near_weights[-1] if near_weights else WEAKEST) * count
     weights = 1.0 / np.maximum(fit.noise, 1e-12)
     fitted = _LeftOut(blocks.merged(keys[0]), weights, prior.times(strength), n)
     timed = _LeftOut(blocks.merged(keys[1]), weights, prior.times(strength), n)
@@ -255,7 +255,7 @@ def _root(
     inverse = _inverse_root(system.matrix.sum(axis=0) + strength * prior.precision)
     # Published inertias are off: what the shrinkage leaves of that.
     unsure = strength * inverse @ (inverse.T @ known.pull)
-    apart = [system.whole(prior.times(max(w, WEAKEST)))[0] - chosen for w in near]
+    apart = [system.whole(prior.times(w))[0] - chosen for w in near]
     return np.concatenate([inverse, unsure, *(d[:, None] for d in apart)], axis=1)
 
 

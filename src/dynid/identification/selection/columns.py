@@ -7,8 +7,8 @@ import numpy as np
 
 from dynid import regressor
 from dynid.core import Array, Mask
-from dynid.identification.bayesian import NOT_NEGATIVE, symbol_of
-from dynid.identification.least_squares import PRIOR_GAIN, Estimator, WeightedLeastSquares
+from dynid.identification.bayesian import NOT_NEGATIVE, TowardPublished, symbol_of
+from dynid.identification.least_squares import Estimator
 from dynid.identification.problem import IdentificationProblem
 from dynid.reduction import reduce_model
 from dynid.signals import Samples, joined
@@ -239,12 +239,12 @@ def _inertial_parameters(
 
 
 def load_inertias(
-    model: regressor.InverseDynamicModel, parts: Sequence[Samples], width: float
+    model: regressor.InverseDynamicModel, parts: Sequence[Samples], width: float, weight: float
 ) -> Array:
-    """(10 n) inertial parameters of a plain fit, its Coulomb step so wide [rad/s or m/s]."""
+    """(10 n) inertial parameters of a plain fit: `width` of its Coulomb step, prior `weight`."""
     plain = replace(model, friction=regressor.FrictionTerms(width=width))
     samples = parts[0] if len(parts) == 1 else joined(parts)
-    return _inertial_parameters(plain, samples, WeightedLeastSquares(prior_gain=PRIOR_GAIN))
+    return _inertial_parameters(plain, samples, TowardPublished(weight=weight))
 
 
 def load_size(model: regressor.InverseDynamicModel, samples: Samples, inertias: Array) -> Array:

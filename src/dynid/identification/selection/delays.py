@@ -275,7 +275,7 @@ def _eliminated(products: Sequence[Array], options: Options, rank: int, first: i
     products (F).
     """
     shared = np.delete(np.arange(len(products[0])), np.arange(rank, first))
-    left, base = np.empty((len(options), len(products), *2 * shared.shape)), np.arange(rank)
+    left = np.empty((len(options), len(products), *2 * shared.shape))
     for k, option in enumerate(options):
         own = rank + np.array(option, dtype=np.intp)
         for f, product in enumerate(products):
@@ -283,7 +283,6 @@ def _eliminated(products: Sequence[Array], options: Options, rank: int, first: i
             cross = product[np.ix_(own, shared)] / scale[:, None]
             square = product[np.ix_(own, own)] / np.outer(scale, scale) + RIDGE * np.eye(len(own))
             left[k, f] = product[np.ix_(shared, shared)] - cross.T @ np.linalg.solve(square, cross)
-            left[k, f, base, base] += RIDGE * np.diagonal(product)[:rank]
     return left
 
 

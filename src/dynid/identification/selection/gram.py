@@ -21,6 +21,9 @@ HELD = 1e12
 """Stiffness that holds an unknown of unit columns at zero."""
 RIDGE = 1e-7
 """Of unit columns: a parameter that parts of a recording do not show stays small."""
+ROUNDING = 1e-12
+"""Of unit columns that have a prior: some hardly differ from each other, which depends on link
+frames, and carry torques that cancel."""
 WEIGHTING_STEPS = 5
 """Fits and noise levels in turn; a sixth changes no weight by a per cent."""
 
@@ -211,7 +214,8 @@ def solutions(
     size = matrix.shape[-1]
     scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=1, axis2=2).max(axis=0), 1e-300))
     systems = matrix / np.outer(scale, scale)
-    systems[:, range(size), range(size)] += RIDGE
+    shrunk = 0 if shrinkage is None else len(shrinkage.mean)
+    systems[:, range(size), range(size)] += np.where(np.arange(size) < shrunk, ROUNDING, RIDGE)
     targets = vector / scale
     signs = np.zeros(size, dtype=np.bool_) if positive is None else positive
     return signed_solutions(systems, targets, signs) / scale

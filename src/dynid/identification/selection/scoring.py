@@ -28,9 +28,9 @@ from dynid.regressor import TERMS, FrictionTerms, InverseDynamicModel, coupled_m
 from dynid.robot import RobotModel
 from dynid.signals import ProcessingSettings, Samples, UniformSignals, delayed, samples_from
 
-PRIOR_WEIGHTS = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0)
+PRIOR_WEIGHTS = (1e-8, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0)
 """Weights of the published inertias that are tried, see `TowardPublished`."""
-COARSE_WEIGHTS = (0.0, 1e-3, 0.1, 3.0)
+COARSE_WEIGHTS = (1e-8, 1e-3, 0.1, 3.0)
 """Those that are tried with every cut-off."""
 GAIN_OF_TERM = 0.03
 """An extra column, or presliding, must lower the sum over joints of log RMS by this much, and by
@@ -205,7 +205,7 @@ class ScoreSearch:
         inertias = None
         if LOAD in columns.extras:
             if self._load is None or self._load[0] != settings:
-                found = load_inertias(self.base.model, processed, EXTRA_WIDTH)
+                found = load_inertias(self.base.model, processed, EXTRA_WIDTH, self.plain_prior)
                 self._load = (settings, found)
             inertias = self._load[1]
         labels = [self._labels(samples, k) for k, samples in enumerate(processed)]
