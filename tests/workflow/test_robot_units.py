@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import dynid
-from dynid.constraints import doubted_units, safe_constraints
+from dynid.constraints import SPHERE, Scene, Shape, doubted_units, safe_constraints
+from dynid.robot import from_xyz_rpy
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "robots").glob("*.toml"))
 ARM = """
@@ -72,6 +73,25 @@ def test_what_is_not_si_is_named(tmp_path: Path) -> None:
     assert [item.kind for item in safe_constraints(tiny, floor="none").unjudged] == [
         "self_collision"
     ]
+
+
+def test_doubts_do_not_depend_on_where_link_frames_stand() -> None:
+    ur5 = dynid.load_robot("ur5")
+    moved, placements = 4.0 * ur5.axes, ur5.placements.copy()
+    placements[:, :3, 3] += np.einsum("nij,nj->ni", placements[:, :3, :3], moved)
+    placements[1:, :3, 3] -= moved[:-1]
+    bodies = tuple(
+        replace(body, points=body.points - moved[body.link - 1]) if body.link else body
+        for body in ur5.bodies
+    )
+    elsewhere = replace(ur5, placements=placements, bodies=bodies)
+    assert doubted_units(elsewhere) == []
+    shapes = (
+        Shape(name="ball", kind=SPHERE, pose=from_xyz_rpy([4, 0, 0], [0, 0, 0]), size=[0.1, 0, 0]),
+    )
+    for robot in (ur5, elsewhere):
+        told = safe_constraints(robot, Scene(shapes=shapes)).notes
+        assert any("'ball' is out of reach, about 3" in note for note in told)
 
 
 def test_analyses_designs_and_checks_say_it(tmp_path: Path) -> None:

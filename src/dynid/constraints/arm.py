@@ -28,6 +28,22 @@ class ArmGeometry:
         """Number of joints n."""
         return len(self.prismatic)
 
+    @property
+    def length(self) -> float:
+        """The way from the base along all axes [m], as short as least squares find it.
+
+        It takes points of the axes, not the frames' origins: it is the same wherever the frames of
+        turning joints stand on their axes.
+        """
+        n = self.count
+        turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
+        place_joints(self.joints, np.zeros(n), turn, origin, axis)
+        along = np.where(self.prismatic[:, None], 0.0, axis)[:, :, None] * np.eye(n)[:, None]
+        ways = np.diff(along, axis=0, prepend=0.0).reshape(3 * n, n)
+        steps = np.diff(origin, axis=0)
+        least = np.linalg.lstsq(ways, -steps.ravel())[0]
+        return float(np.linalg.norm(steps + (ways @ least).reshape(n, 3), axis=1).sum())
+
     def reach(self, link: int, point: Array, travel: Array) -> Array:
         """(n) a bound on how fast each joint moves a point (3) of a link [m/rad or 1].
 

@@ -331,11 +331,12 @@ def _reachable(
     kept = np.ones(len(around), dtype=bool)
     far = bodies.distances(poses, around).T
     out: set[str] = set()
+    length = bodies.arm.length
     for shape in map(int, np.unique(around[:, 0])):
         least = float(far[around[:, 0] == shape].min())
-        if least > _FAR * bodies.arm.offsets.sum():
+        if least > _FAR * length:
             out.add(names[shape])
-        if least > bodies.arm.offsets.sum():
+        if least > length:
             notes.append(
                 f"'{names[shape]}' is out of reach, about {least:.3g} m from the arm at least"
                 " (lengths are in metres)"

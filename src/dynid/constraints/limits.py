@@ -385,7 +385,7 @@ LIGHTEST = 100.0
 def doubted_units(robot: RobotModel) -> list[Unjudged]:
     """What in a robot's description is probably not in SI units: a limit that does not hold."""
     limits, turning = robot.limits, ~np.array(robot.prismatic)
-    reach = float(np.linalg.norm(robot.placements[:, :3, 3], axis=1).sum())
+    reach = arm_geometry(robot).length
     mass = float(np.nansum(robot.inertias[:, 0]))
     found: list[Unjudged] = []
 
