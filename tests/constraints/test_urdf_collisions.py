@@ -182,7 +182,23 @@ def test_pairs_that_are_left_out_are_told_where_no_other_is_left(floor: float | 
     assert judge.surroundings is None
     (item,) = judge.unjudged
     assert item.kind == "self_collision"
-    assert item.causes == ("b0 and b2 are not judged: their bodies are too close in 100% of poses",)
+    assert item.causes == ("b0 and b2 are not judged: their bodies touch in 100% of poses",)
+
+
+@needs_models
+def test_a_larger_clearance_judges_no_pair_less() -> None:
+    path = DATA / "talos_data" / "robots" / "talos_left_arm.urdf"
+    required: dict[str, float] = {}
+    for clearance in (0.001, 0.005, 0.01, 0.05):
+        judge = safe_constraints(load_robot(path), clearance=clearance, floor="none")
+        assert judge.surroundings is not None
+        pairs = judge.surroundings.pairs["self_collision"]
+        larger = dict(zip(pairs.names, pairs.required.tolist(), strict=True))
+        assert all(larger.get(name, -1.0) >= least for name, least in required.items())
+        required = larger
+    held = required["arm_left_5_link 1 - wrist_left_ft_link 1"]
+    assert held == pytest.approx(0.0068, abs=1e-4)
+    assert any(f"the limit is {held:.4f} m" in note for note in judge.notes)
 
 
 def test_what_a_robot_says_of_its_bodies_is_passed_on() -> None:

@@ -264,7 +264,8 @@ def _free_pairs(
     """The pairs that are judged of all own pairs (P, 2).
 
     Bodies that can never be twice the clearance apart must keep half of the largest distance seen
-    at the poses (N, n): `notes` is told. Bodies from number `arm` on are carried.
+    at the poses (N, n), those that are mostly nearer than it their median distance: `notes` is
+    told. Bodies from number `arm` on are carried.
 
     Returns:
         The pairs, the clearance that each must keep [m], and in words which others are left out
@@ -283,12 +284,13 @@ def _free_pairs(
         a, b = (int(x) for x in own[k])
         what = f"{names[a]} and {names[b]}"
         most = float(row.max())
-        clearance = min(settings.self_clearance, max(most, 0.0) / 2)
-        # Bodies in one another are nothing apart, but for rounding.
-        share = float((row <= max(clearance, _TOUCHING)).mean())
+        # By touching, not by the clearance: a larger one must not judge fewer pairs.
+        often = float(np.quantile(row, 1.0 if b >= arm else _MOSTLY, method="higher"))
+        clearance = min(settings.self_clearance, max(most, 0.0) / 2, often)
         if gap[k] <= _NEAR and _proven(bodies, a, b, row, settings, _SURE):
             continue
-        if share == 1.0 and b >= arm and gap[k] > 1:
+        kept[k] = often > _TOUCHING
+        if not kept[k] and b >= arm and gap[k] > 1:
             raise InputError(
                 "the robot cannot carry this: it is in collision in every pose",
                 where=f"{names[a]} - {names[b]}",
@@ -296,16 +298,14 @@ def _free_pairs(
                 limit=f"{settings.self_clearance:g} m",
                 next_step="Sizes are in metres, places in the flange's frame.",
             )
-        kept[k] = not (share == 1.0 or (b < arm and share > _MOSTLY))
         clearances[k] = clearance
         if kept[k] and clearance < settings.self_clearance:
             notes.append(
-                f"{what} are never farther than {most:.4f} m apart: the limit is half of that"
+                f"{what} have little room, at most {most:.4f} m: the limit is {clearance:.4f} m"
             )
         if not kept[k]:
-            left_out.append(
-                f"{what} are not judged: their bodies are too close in {share:.0%} of poses"
-            )
+            share = float((row <= _TOUCHING).mean())
+            left_out.append(f"{what} are not judged: their bodies touch in {share:.0%} of poses")
     return own[kept], clearances[kept], tuple(left_out)
 
 
