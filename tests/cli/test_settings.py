@@ -48,10 +48,21 @@ def test_python_and_the_command_line_are_held_to_the_same_bounds() -> None:
             dynid.FleetSettings(false_alarms=share)
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [{"mount": 3}, {"mount": ["wall"]}, {"floor": False}, {"thermal": True}, {"scene": 3}],
+    ids=str,
+)
+def test_values_of_another_type_are_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(InputError, match=next(iter(wrong))):
+        dynid.RunSettings(**wrong)  # type: ignore[arg-type]
+
+
 def test_bounds_are_said_in_words() -> None:
     design, fleet = options_of(dynid.DesignSettings), options_of(dynid.FleetSettings)
     assert design["collision"].bounds == "True or False"
     assert design["seed"].bounds == "a whole number, 0 or more"
+    assert design["mount"].bounds == "text"
     assert fleet["false_alarms"].bounds == "a finite number, 1e-06 to 0.999999"
     assert design["noise"].bounds.startswith("several finite numbers, ")
 

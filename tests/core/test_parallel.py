@@ -187,8 +187,9 @@ def test_a_cluster_without_workers_is_given_up(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_what_cannot_be_opened_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(InputError, match="jobs"), workers(0):
-        pass
+    for jobs in (0, 2.5):
+        with pytest.raises(InputError, match="jobs"), workers(jobs):  # type: ignore[arg-type]
+            pass
     pytest.importorskip("distributed")
     monkeypatch.setattr("dynid.core.parallel.DASK_TIMEOUT_S", 0.5)
     with pytest.raises(InputError, match="no Dask scheduler"), workers(1, "tcp://127.0.0.1:9"):

@@ -122,6 +122,15 @@ def test_real_arms_are_not_suspected(robot: object) -> None:
     assert doubted_units(model) == []
 
 
+def test_limits_that_stand_for_none_are_unknown_in_robot_files_too(tmp_path: Path) -> None:
+    robot = dynid.load_robot(written(tmp_path / "arm.toml", turn=1e4, speed=1e5))
+    assert np.isnan([robot.limits.lower[0], robot.limits.upper[0], robot.limits.velocity[1]]).all()
+    assert doubted_units(robot) == []
+    judge = safe_constraints(robot, collision=False)
+    assert any("no position limits are known of joint_1" in note for note in judge.notes)
+    assert "velocity" in {item.kind for item in judge.unjudged}
+
+
 def test_joints_without_limits_are_not_suspected() -> None:
     robot = dynid.load_robot("ur5")
     for value in (np.inf, np.nan, 1e16):

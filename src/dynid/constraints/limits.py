@@ -10,7 +10,7 @@ import numpy as np
 from dynid.constraints.arm import ArmGeometry, arm_geometry, place_joints, place_point, samples_of
 from dynid.constraints.scene import ConstraintSettings
 from dynid.core import Array, Indices, Mask, MotionBounds, compiled, plain, read_only
-from dynid.robot import STANDARD_GRAVITY, RobotModel
+from dynid.robot import STANDARD_GRAVITY, UNLIMITED, RobotModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -368,8 +368,6 @@ MOST_TURNS = 4.0
 """No joint with cables through it makes more, to either side."""
 FASTEST = 30.0
 """[rad/s or m/s] Faster than the joints of any arm that carries its own weight."""
-UNLIMITED = 1e4
-"""Files write such numbers, or larger ones, where there is no limit."""
 LONGEST = 20.0
 """[m] Longer than any arm with serial joints, and than the way of one that slides."""
 DENSEST = 1000.0
@@ -401,7 +399,7 @@ def doubted_units(robot: RobotModel) -> list[Unjudged]:
         ("velocity", "m/s", limits.velocity, ~turning, FASTEST, "millimetres a second"),
     ):
         # A comparison with an unknown limit (NaN) is false.
-        joints = np.flatnonzero((values > most) & (values < UNLIMITED) & which).tolist()
+        joints = np.flatnonzero((values > most) & np.isfinite(values) & which).tolist()
         if joints:
             names = ", ".join(str(j + 1) for j in joints)
             reached = f"reach {values[joints].max():.4g} {unit}, and look like {given}"

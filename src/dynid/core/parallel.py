@@ -201,8 +201,8 @@ def workers(jobs: int = 1, dask: str | None = None) -> Generator[Workers]:
         InputError: Jobs below 1, or no scheduler at the address.
         MissingExtraError: Dask is not installed.
     """
-    if jobs < 1:
-        raise InputError("must be at least 1", where="--jobs", value=jobs)
+    if jobs < 1 or jobs % 1:
+        raise InputError("must be a whole number, at least 1", where="--jobs", value=jobs)
     if dask is not None:
         with _dask_workers(dask) as found:
             yield found

@@ -21,6 +21,7 @@ from dynid.robot.load import robot_from_json as robot_from_json
 from dynid.robot.load import robot_to_json as robot_to_json
 from dynid.robot.load import robots as robots
 from dynid.robot.model import STANDARD_GRAVITY as STANDARD_GRAVITY
+from dynid.robot.model import UNLIMITED as UNLIMITED
 from dynid.robot.model import Counterbalance as Counterbalance
 from dynid.robot.model import Drives as Drives
 from dynid.robot.model import JointLimits as JointLimits

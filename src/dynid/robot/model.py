@@ -8,7 +8,17 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import SMALLEST, Array, Mask, MotionBounds, RobotError, Value, freeze, frozen
+from dynid.core import (
+    SMALLEST,
+    Array,
+    Mask,
+    MotionBounds,
+    RobotError,
+    Value,
+    freeze,
+    frozen,
+    read_only,
+)
 from dynid.robot.body import Body
 from dynid.robot.transforms import from_body, require_rigid
 
@@ -67,12 +77,26 @@ class Drives(Value):
         return np.diag(self.gear_ratio) if self.coupling is None else self.coupling
 
 
+UNLIMITED = 1e4
+"""Files write such positions and velocities, or larger ones, where they know no limit [SI]."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointLimits(MotionBounds):
-    """Bounds of each joint, joint side; see `MotionBounds`."""
+    """Bounds of each joint, joint side; see `MotionBounds`.
+
+    What is finite and beyond `UNLIMITED` is unknown.
+    """
 
     torque: Array
     """(n) largest torque or force [N.m or N], NaN if unknown."""
+
+    def __post_init__(self) -> None:
+        MotionBounds.__post_init__(self)
+        for name in ("lower", "upper", "velocity"):
+            value: Array = getattr(self, name)
+            known = (np.abs(value) < UNLIMITED) | np.isinf(value)
+            object.__setattr__(self, name, read_only(np.where(known, value, math.nan)))
 
     @property
     def rated_torque(self) -> Array:

@@ -10,6 +10,7 @@ from xml.parsers import expat
 import numpy as np
 
 from dynid.core import Array, RobotError, printable
+from dynid.robot.model import UNLIMITED
 from dynid.robot.transforms import from_body, from_xyz_rpy, move, translation
 
 _LARGEST = 1e6
@@ -312,10 +313,6 @@ def _joint(
     )
 
 
-UNLIMITED = 1e4
-"""Files write such positions and velocities, or larger ones, where they know no limit [SI]."""
-
-
 def _limits(
     element: ET.Element, kind: str, name: str, where: str, notes: list[str]
 ) -> tuple[float, float, float, float]:
@@ -340,12 +337,10 @@ def _limits(
         soft_upper = float(np.fmin(upper, read_bound(soft, "soft_upper_limit", where)))
         if soft_lower < soft_upper:
             lower, upper = soft_lower, soft_upper
-    known = {"lower": lower, "upper": upper, "velocity": read_bound(found, "velocity", where)}
-    for bound, value in known.items():
+    speed = read_bound(found, "velocity", where)
+    for bound, value in {"lower": lower, "upper": upper, "velocity": speed}.items():
         if abs(value) >= UNLIMITED:
             notes.append(f"joint {printable(name)}: {bound} limit of {value:.4g} read as unknown")
-            known[bound] = nan
-    lower, upper, speed = known.values()
     effort = read_bound(found, "effort", where)
     # Zero or less is how files say that they do not know.
     return lower, upper, speed if speed > 0 else nan, effort if effort > 0 else nan

@@ -12,6 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from importlib import import_module
 from numbers import Integral, Real
+from pathlib import Path
 from typing import Any, cast
 
 from dynid.core import InputError, check_word
@@ -21,6 +22,7 @@ WHOLE: tuple[Any, ...] = (int, int | None)
 SEVERAL: tuple[Any, ...] = (tuple[float, ...], tuple[float, ...] | None)
 NUMERIC: tuple[Any, ...] = (*WHOLE, float, float | None, *SEVERAL)
 """Annotations of fields that hold a whole number, several numbers, or numbers of any kind."""
+TEXT: tuple[Any, ...] = (str, str | None, str | Path | None)
 Parse = Callable[[str, str], Any]
 """From the text and the name of an option to its value; raises `InputError`."""
 
@@ -51,9 +53,9 @@ class Option:
 
     @property
     def bounds(self) -> str:
-        """Which values of a flag, or which numbers, are allowed, in words."""
-        if not self.metavar:
-            return "True or False"
+        """Which values are allowed, in words."""
+        if not self.metavar or self.kind in TEXT:
+            return "text" if self.metavar else "True or False"
         known = "several finite numbers" if self.kind in SEVERAL else "a finite number"
         known = "a whole number" if self.kind in WHOLE else known
         if self.most < FINITE:
@@ -61,11 +63,13 @@ class Option:
         return known if self.least == -FINITE else f"{known}, {self.least:g} or more"
 
     def allows(self, value: object) -> bool:
-        """Whether a flag, or a field of numbers, may hold this one, or these."""
+        """Whether a flag, or a field of text or numbers, may hold this one, or these."""
         if value is None:
             return self.default is None
         if not self.metavar:
             return value in (True, False)
+        if self.kind in TEXT:
+            return isinstance(value, str | Path)
         if self.kind in SEVERAL and not isinstance(value, Iterable):
             return False
         several = cast("Iterable[object]", value) if isinstance(value, Iterable) else (value,)
@@ -153,9 +157,8 @@ def check_options(settings: object) -> None:
             check_word(cast("str", value), declared.words, declared.name)
         elif declared.own and declared.parse and value is not None:
             object.__setattr__(settings, name, declared.parse(value, declared.name))
-        number = not isinstance(value, bool) and isinstance(value, Real)
-        checked = number or declared.kind in NUMERIC or not declared.metavar
-        if checked and not declared.allows(value):
+        checked = declared.kind in (*NUMERIC, *TEXT) or not declared.metavar
+        if (checked or isinstance(value, Real)) and not declared.allows(value):
             raise InputError(
                 "out of bounds", where=declared.name, value=value, limit=declared.bounds
             )
