@@ -344,6 +344,6 @@ def test_ctrl_c_says_where_a_pass_goes_on_from(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         job()
     kept.touch()
-    with pytest.raises(Interrupted, match=r"goes on from .*e\.json\.partial"):
+    with pytest.raises(Interrupted, match=r"settings of .*e\.json\.partial goes on from it"):
         job()
     assert exit_code_of(job) == 130
