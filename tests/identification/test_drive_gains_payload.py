@@ -134,3 +134,19 @@ def test_misuse_is_refused(runs: tuple[ExperimentRecord, ExperimentRecord]) -> N
     blind = replace(without, signals={"q": without.signals["q"]})
     with pytest.raises(InputError, match="recorded currents"):
         identify_gains_from_payload(blind, carrying, ROBOT, mass=1.0)
+
+
+def test_noise_and_unknown_gains_do_not_keep_a_heavy_payload_from_setting_the_scale() -> None:
+    random = np.random.default_rng(0)
+    noisy = [
+        replace(
+            record,
+            signals={
+                "q": record.signals["q"],
+                "current": record.signals["current"] + random.normal(scale=0.1, size=(1250, 6)),
+            },
+        )
+        for record in (ideal(1, False), ideal(1, True))
+    ]
+    found = identify_gains_from_payload(*noisy, without_gains(), mass=MASS)
+    assert (np.abs(found.gain - GAIN) < 3 * found.std).all()

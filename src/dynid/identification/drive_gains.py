@@ -240,9 +240,16 @@ def gains_from_payload(
     blocks = np.array([item.blocks for item in problem.problems])
     scale = np.linalg.norm(data[2], axis=2) / np.sqrt(blocks)[:, None]
     if start is None:
-        # The homogeneous linear problem, currents among the columns.
+        # The homogeneous linear problem, currents among the columns: noise there would make gains
+        # too small, so of each joint's current what the model can give with a gain of its own.
         columns, fixed, current = data
-        start = _solved_with_gains(current, -columns, fixed, scale)[0][:joints]
+        shown = np.empty_like(current)
+        for j in range(joints):
+            rows = np.concatenate([columns[:, j], fixed[:, j, :, None]], axis=2)
+            rows = rows.reshape(-1, rows.shape[2])
+            own = np.linalg.lstsq(rows, current[:, j].ravel())[0]
+            shown[:, j] = (rows @ own).reshape(records, -1)
+        start = _solved_with_gains(shown, -columns, fixed, scale)[0][:joints]
     gain = start
     values = np.zeros(system.size)
     noise = scale
