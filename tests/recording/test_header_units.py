@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -53,6 +54,44 @@ def test_a_unit_says_what_a_column_of_a_joint_holds(
     source = "current" if "[A]" in torque else "effort"
     every = [found[name] for name in ("q", "target_q", source)]
     assert every == [list(range(first, first + 6)) for first in (1, 7, 13)]
+
+
+@pytest.mark.parametrize(
+    ("position", "torque"),
+    [
+        ("q{} / deg", "tau{} / mNm"),
+        ("q{}, °", "tau{}, mN m"),
+        ("q{} in °", "tau{} mN·m"),
+        ("q{}.deg", "tau{}.mNm"),
+        ("q[{}]_deg", "tau[{}]_mNm"),
+        ("/robot/q({}) deg", "/robot/tau({}) mNm"),
+        ("theta_{}_(°)", "torque_{}_(mNm)"),
+        ("position [deg][J{}]", "effort [mNm][J{}]"),
+        ("position_deg[elbow_{}]", "effort_mNm[elbow_{}]"),
+        ("q[0][{}] [deg]", "tau[0][{}] [mNm]"),
+        ("q:{} deg", "tau:{} mNm"),
+        ("J{}ActPos [deg]", "J{}Torque [mNm]"),
+        ("{}_position_value [deg]", "{}_torque_value [mNm]"),
+    ],
+)
+def test_units_and_numbers_stand_in_any_form(position: str, torque: str) -> None:
+    # Names of joints keep their order, numbers do not.
+    order = [1, 2, 3] if re.search(r"elbow|\[J", position) else [3, 1, 2]
+    columns = [text.format(k) for text in (position, torque) for k in order]
+    found = match_headers(["time / ms", *columns])
+    assert found.columns["q"] == [1 + order.index(k) for k in (1, 2, 3)]
+    assert found.columns["effort"] == [4 + order.index(k) for k in (1, 2, 3)]
+    assert found.factors["q"] == pytest.approx([np.pi / 180] * 3)
+    assert found.factors["effort"] == pytest.approx([1e-3] * 3)
+    assert found.clocks[0].scale == 1e-3
+
+
+def test_values_of_motors_are_not_in_thousandths_or_metres() -> None:
+    with pytest.raises(RecordError, match="no columns of positions"):
+        match_headers(["t", *(f"q_m{k}_rad" for k in JOINTS), *(f"tau_m{k}_Nm" for k in JOINTS)])
+    columns = [x.format(k) for x in ("q [rad]_m{}", "tau [N.m]_m{}") for k in JOINTS]
+    found = match_headers(["t", *columns])
+    assert (found.columns["q"], found.columns["effort"]) == ([*JOINTS], [*range(7, 13)])
 
 
 @pytest.mark.parametrize("name", ["J{} [%]", "J{} [-]", "J{} error [deg]", "tool {} [deg]"])
@@ -115,6 +154,7 @@ def test_an_unknown_unit_before_the_number_is_refused() -> None:
     [
         ("rpm", 2 * np.pi / 60),
         ("1/min", 2 * np.pi / 60),
+        ("1_min", 2 * np.pi / 60),
         ("rev/s", 2 * np.pi),
         ("deg/s", np.pi / 180),
         ("°/s", np.pi / 180),

@@ -230,7 +230,8 @@ def factor_of(quantity: str, unit: str) -> float | None:
     if dimension in ("rate", "slope"):
         return _per_second(text, dimension)
     table = _TABLES[dimension]
-    bare = re.sub(r"[\s.*·_\-⋅]", "", text)
+    # `q_m_deg` is a motor's angle, not in thousandths.
+    bare = re.sub(r"(?<!^[a-mo-z])[\s.*·_\-⋅]", "", text)
     return table.get(text, table.get(bare))
 
 
@@ -243,7 +244,7 @@ def factors_of(quantity: str, units: Sequence[str]) -> tuple[tuple[float, ...], 
 
 
 def _per_second(text: str, dimension: str) -> float | None:
-    if dimension == "rate" and (factor := _RATE.get(text.replace(" ", ""))):
+    if dimension == "rate" and (factor := _RATE.get(text.replace(" ", "").replace("_", "/"))):
         return factor
     seconds = 1 if dimension == "rate" else 2
     stem, left = text.replace("²", "2").replace("⁻¹", "-1").replace("^-", "^"), 0

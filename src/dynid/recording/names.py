@@ -104,7 +104,7 @@ def words_of(text: str) -> frozenset[str]:
 _AROUND = (
     "actual measured act meas msr joint joints jnt link axis arm robot state states feedback fb "
     "fbk sensed present inst enc encoder real field log logged logs data history recorded ist axe "
-    "achse gelenk"
+    "achse gelenk value values"
 )
 _PLACES = {word: place for place, word in enumerate(_AROUND.split())}
 MEASURED = words_of("actual measured act meas msr present")
@@ -134,26 +134,37 @@ TARGET_OF = {
 """A measured quantity to what was asked for."""
 
 
-_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z][a-z])")
+_CAMEL = re.compile(r"(?<=[a-z])(?<![^a-zA-Z][mk](?=Nm))(?=[A-Z][a-z])")
 _BRACKET = re.compile(r"[\[({]([^\[\](){}]*)[\])}]\s*$")
 _UNIT_BEFORE_INDEX = re.compile(
     r"\s*[\[({]([^\[\](){}]*)[\])}]"
-    r"(?=[\s_\-]*(?:joint|jnt|axis|achse|axe|gelenk|motor|j|a)?[\s_\-]*\d{1,3}$)"
+    r"(?=[^a-z\d]*(?:joint|jnt|axis|achse|axe|gelenk|motor|j|a|m)?[^a-z\d]*\d{1,3}\W?$)"
 )
-_UNIT_LAST = re.compile(r"[\s_]+([^\s_]*[/.][^\s_]*)$")
+_UNITS_LAST = tuple(
+    re.compile(form)
+    for form in (
+        r"(?:\s+/\s*|\s*,\s*)([^,]+)$",
+        r"(?:[\s_]+in)?[\s_]+([^\s_]*[/.·*][^\s_]*|1_min)$",
+        r"(?<=[\])}])[\s_]*(?:in[\s_]+)?([^\[\](){}]+)$",
+        r"\.((?!n?secs?$|nanosecs?$|min$)[a-z][a-z_]+)$",
+    )
+)
+"""`q1 / deg`; `qd1 deg/s`, and no path; `q[1]_deg`; `q1.deg`."""
+_DOTS = re.compile(r"[/.](?![^\[({]*[\])}])")
+"""What is between the parts of a path, and not between those of a unit."""
 _INDEX_LAST = re.compile(
     r"^(.*?)[\s_\-]*(?:(?<![a-z])(?:joint|jnt|axis|achse|axe|gelenk|j|a))?[\s_\-]*(\d{1,3})$"
 )
 _INDEX_FIRST = re.compile(
-    r"^(?:joint|jnt|axis|achse|axe|gelenk|motor|j|a)[\s_\-]*(\d{1,3})[\s_\-:]+(.+)$"
+    r"^(?:joint|jnt|axis|achse|axe|gelenk|motor|j|a)?[\s_\-]*(\d{1,3})[\s_\-:]*(\D.*)$"
 )
 _INDEX_WITHIN = re.compile(
     r"^([a-z][a-z_\s\-]*?)[\s_\-]*(?:(?<![a-z])(?:joint|jnt|axis|achse|axe|gelenk|j|a))?"
-    r"[\s_\-]*(\d{1,3})[\s_\-]+([a-z][a-z_\s\-]*)$"
+    r"[\s_\-:#]*(\d{1,3})[\s_\-]+([a-z][a-z_\s\-]*)$"
 )
 _INDEX_ALONE = re.compile(r"(?:joint|jnt|axis|achse|axe|gelenk|motor|j|a)?[\s_\-]*(\d{1,3})")
 _INDEX_PATH = re.compile(r"^(.*?)[\[(]?(?<![a-z\d])(\d{1,3})[\])]?$")
-_GREEK = str.maketrans({"τ": "tau", "θ": "theta", "ω": "omega"})
+_SIGNS = str.maketrans({"τ": "tau", "θ": "theta", "ω": "omega", "°": " deg"})
 _DEGREES = re.compile(r"(^|_)(deg|degs|degree|degrees)(_|$)")
 _SECONDS = frozenset({"sec", "secs"})
 _NANOSECONDS = frozenset({"nanosec", "nanosecs", "nsec", "nsecs"})
@@ -227,7 +238,7 @@ class Name:
         words = {word for word in self.base.split("_") if word}
         if not words <= _OF_A_JOINT or not (self.joint or self.index is not None):
             return None
-        if not any(letter.isalpha() or letter == "°" for letter in self.unit):
+        if not any(map(str.isalpha, self.unit)):
             return None
         fits = (quantity for quantity in _BY_UNIT if factor_of(quantity, self.unit) is not None)
         if (quantity := next(fits, "")) and words & TARGET:
@@ -248,7 +259,7 @@ def parse_name(text: str, joints: Sequence[str] = ()) -> Name:
         joints: Names of the robot's joints, which are then found wherever they stand.
     """
     name, index, unit, inside = _brackets(_plain(text))
-    parts = [part for part in re.split(r"[/.]", name) if part.strip()]
+    parts = [part for part in _DOTS.split(name) if part.strip()]
     known = _known_joint([*parts, inside] if inside else parts, joints)
     if known is not None:
         joint, parts = known
@@ -290,18 +301,21 @@ def _brackets(name: str) -> tuple[str, int | None, str, str]:
     if (match := _UNIT_BEFORE_INDEX.search(name)) and is_unit(match.group(1)):
         # `vel [deg/s] 1`
         unit, name = match.group(1).strip(), f"{name[: match.start()]} {name[match.end() :]}"
-    elif (match := _UNIT_LAST.search(name)) and is_unit(match.group(1)):
-        # `qd1 deg/s`, and no path
-        unit, name = match.group(1), name[: match.start()]
+    for form in () if unit else _UNITS_LAST:
+        # Of minutes and minima nobody can tell.
+        if (match := form.search(name)) and is_unit(match.group(1)):
+            unit, name = match.group(1).strip(), name[: match.start()]
+            break
     while match := _BRACKET.search(name):
         text = match.group(1).strip()
         if text.isdecimal() and len(text) <= 3:
-            index = int(text)
+            # `q[0][3]`: of the robot and the joint
+            index = int(text) if index is None else index
         elif is_unit(text):
             unit = text
         else:
             inside = text
-        name = name[: match.start()].strip()
+        name = name[: match.start()].strip().rstrip("_-:")
     return name, index, unit, inside
 
 
@@ -318,7 +332,7 @@ def split_joint(text: str) -> Name | None:
     None where no words of it are a quantity's.
     """
     name, _, unit, _ = _brackets(_plain(text))
-    parts = [part for part in re.split(r"[/.]", name) if part.strip()]
+    parts = [part for part in _DOTS.split(name) if part.strip()]
     words = plainly(parts[-1]).split("_") if parts else []
     count = len(words)
     splits = [(words[k:], words[:k], words[k]) for k in range(1, count)]
@@ -333,7 +347,7 @@ def split_joint(text: str) -> Name | None:
 
 def _plain(text: str) -> str:
     name = _CAMEL.sub("_", text.strip().strip("\"'\ufeff").strip()).lower()
-    return _SUNRISE.sub("", name.translate(_GREEK))
+    return _SUNRISE.sub("", name.translate(_SIGNS))
 
 
 def _known_joint(parts: list[str], joints: Sequence[str]) -> tuple[str, list[str]] | None:
@@ -379,7 +393,8 @@ def _unit_at_the_end(name: Name) -> Name:
         if meaning is None or (len(tail) == 1 and _ONE_LETTER.get(tail) != meaning[0]):
             continue
         if factor_of(meaning[0], tail) is not None:
-            return replace(name, base=stem, unit=name.unit or tail)
+            # What stands in brackets may be the joint.
+            return replace(name, base=stem, unit=tail if name.joint else name.unit or tail)
     return name
 
 
