@@ -10,7 +10,7 @@ import pytest
 from dynid.core import Finding, InputError, JobError
 from dynid.identification import fit_law
 from dynid.recording import ExperimentRecord
-from dynid.regressor import parse_terms
+from dynid.regressor import LoadFriction, parse_terms
 from dynid.robot import load_robot
 from dynid.simulation import SimulatedRun, simulate, simulated_arm
 from dynid.trajectory import random_excitation
@@ -74,6 +74,19 @@ def test_friction_of_an_unseen_temperature(
         ours = np.array([values[f"{symbol}{j}"] for j in range(1, 7)])
         assert np.abs(ours / true - 1).max() < ASKED
     assert not estimate.warnings
+
+
+def test_the_order_of_the_recordings_changes_nothing(records: list[ExperimentRecord]) -> None:
+    load = LoadFriction(joints=tuple(range(6)), parameters=(0.0,) * 60)
+    terms = replace(parse_terms("fc,fv,im", width=0.01), load=load)
+    settings = replace(SETTINGS, terms=terms)
+    motion = np.random.default_rng(0).uniform(-2, 2, (3, 50, 6))
+    torques = [
+        identify_temperature(order, ROBOT, settings).estimate_at(30.0).predict(*motion)
+        for order in (records, records[::-1])
+    ]
+    # By 2e-4 with the inertias of the first recording.
+    np.testing.assert_allclose(torques[0], torques[1], atol=1e-9 * np.abs(torques[0]).max())
 
 
 def test_the_law_is_the_arm_s(found: TemperatureIdentification) -> None:

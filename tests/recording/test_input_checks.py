@@ -80,6 +80,10 @@ def test_the_same_recording_counts_once() -> None:
     # The same run in two files of other names has the same numbers.
     renamed = replace(one, metadata=replace(one.metadata, origin="copy.csv", input_hash="5e"))
     assert len(checked_records([one, renamed])) == 1
+    # So it has with other stamps.
+    shifted = replace(renamed, t=(one.t + 1.7e9) - 1.7e9)
+    assert (shifted.t != one.t).any()
+    assert len(checked_records([one, shifted])) == 1
 
 
 def test_time_that_hardly_moves_is_refused_in_one_line(tmp_path: Path) -> None:

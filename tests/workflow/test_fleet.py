@@ -228,6 +228,24 @@ def test_second_run_computes_new_recordings_only(data: Path, found: dynid.Fleet)
     assert dynid.fleet(data / "recordings", data / "out").computed == 1
 
 
+def test_a_copy_with_other_stamps_is_left_out(tmp_path: Path) -> None:
+    real = plant(dynid.load_robot("ur5"), 1)
+    for day in range(2):
+        write(tmp_path, "arm", real, day, factor=1.0, gain=1.0)
+    source = next(tmp_path.glob("arm/2026-01-05/*"))
+    record = dynid.read_record(source)
+    t = (record.t + 1.7e9) - 1.7e9
+    assert (t != record.t).any()
+    copy = tmp_path / "arm/2026-03-01/excitation.parquet"
+    copy.parent.mkdir()
+    dynid.write_record(replace(record, t=t), copy)
+    for _ in range(2):
+        found = dynid.fleet(tmp_path, tmp_path / "out")
+        assert len(found.recordings) == 2
+        said = "the same recording as arm/2026-01-05/excitation.parquet"
+        assert found.skipped == (("arm/2026-03-01/excitation.parquet", said),)
+
+
 def test_state_for_dashboards_and_page(found: dynid.Fleet) -> None:
     metrics = (found.output / "state.prom").read_text().splitlines()
     assert 'dynid_alarm{robot="arm b",joint="2"} 1' in metrics

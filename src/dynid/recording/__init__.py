@@ -24,6 +24,7 @@ from dynid.recording.record import ExperimentRecord as ExperimentRecord
 from dynid.recording.record import RecordMetadata as RecordMetadata
 from dynid.recording.record import are_poses as are_poses
 from dynid.recording.record import identity as identity
+from dynid.recording.record import signals_hash as signals_hash
 from dynid.recording.repair.pipeline import at_limit as at_limit
 from dynid.recording.repair.pipeline import check_channels as check_channels
 from dynid.recording.repair.pipeline import checked_records as checked_records

@@ -293,12 +293,15 @@ def digest(description: Mapping[str, Any], columns: Iterable[Array]) -> str:
 
 def identity(record: ExperimentRecord) -> str:
     """The hash of the file a record was read from, or of its times, positions and torques."""
-    return record.metadata.input_hash or numbers_hash(record)
+    return record.metadata.input_hash or signals_hash(record, record.t)
 
 
-def numbers_hash(record: ExperimentRecord) -> str:
-    """The hash of a record's times, positions and torques, whatever file they came from."""
-    digest = hashlib.sha256(record.t.tobytes())
+def signals_hash(record: ExperimentRecord, t: Array | None = None) -> str:
+    """The hash of a record's positions and torques, whatever file and stamps they came from.
+
+    With times (N) these count too.
+    """
+    digest = hashlib.sha256(b"" if t is None else t.tobytes())
     # Simulated arms repeat a motion to the last bit; what they carry shows in the torques.
     for name in ("q", "effort", "current"):
         if name in record.signals:

@@ -30,14 +30,14 @@ from dynid.core import (
     write_arrays,
 )
 from dynid.identification import IdentificationProblem, RecordStatistics, record_statistics
-from dynid.recording import is_url, local_files, objects_below, open_record
+from dynid.recording import is_url, local_files, objects_below, open_record, signals_hash
 from dynid.reduction import BaseParametrization, reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
 from dynid.robot import load_robot, robot_to_json
 from dynid.signals import ProcessingSettings, process
 from dynid.workflow.recordings import known_gains, stored_robot
 
-SCHEME = 4
+SCHEME = 5
 """Of what is cached; another number makes all of it new."""
 MANIFEST = "manifest.csv"
 COLUMNS = ("file", "robot", "model", "time", "temperature_degC")
@@ -67,6 +67,8 @@ class FleetRecording(Value):
     """When it was made, seconds since 1970; NaN where nobody says."""
     temperature_degC: Array
     """(n) mean joint temperatures; NaN where nobody says."""
+    signals: str
+    """Hash of positions and torques: copies may have other stamps."""
     statistics: RecordStatistics
     computed: bool
     """Whether it was computed now, not taken from the cache."""
@@ -126,6 +128,10 @@ def read_folder(
             continue
         _keep(cache / f"{digest}.npz", outcome, terms)
         found.append(_placed(name, outcome, row))
+    first = {one.signals: one.path for one in sorted(found, key=lambda x: x.path, reverse=True)}
+    copies = [one for one in found if one.path != first[one.signals]]
+    skipped += [(one.path, f"the same recording as {first[one.signals]}") for one in copies]
+    found = [one for one in found if one.path == first[one.signals]]
     found.sort(key=lambda one: (one.robot, np.nan_to_num(one.time_s, nan=np.inf), one.path))
     return found, sorted(skipped)
 
@@ -162,6 +168,7 @@ def _contribution(job: tuple[str, str | None, str]) -> FleetRecording | str:
         mount=mount,
         time_s=_seconds(when) if when or not first >= EPOCH_FROM_S else first,
         temperature_degC=np.full(robot.joints, np.nan) if warm is None else warm.mean(axis=0),
+        signals=signals_hash(record),
         statistics=statistics,
         computed=True,
     )
@@ -337,7 +344,9 @@ def _cached(path: Path, model: str | None, terms: str) -> FleetRecording | None:
 
 
 def _keep(path: Path, known: FleetRecording, terms: str) -> None:
-    facts = {name: getattr(known, name) for name in ("robot", "model", "mount", "time_s")}
+    facts = {
+        name: getattr(known, name) for name in ("robot", "model", "mount", "time_s", "signals")
+    }
     more = json.dumps(facts | {"key": _key(known.model, terms)})
     temperature = {"temperature_degC": known.temperature_degC}
     write_arrays(path, {**asdict(known.statistics), **temperature, "facts": more})

@@ -103,7 +103,8 @@ def identify_temperature(
         laws.append(identification.fit_law(own[:, joint], covariance, degC, symbols, law=law))
     return TemperatureIdentification(
         shared=shared,
-        estimate=shared.estimates[0],
+        # Load friction has the inertias that each recording shows: those of the coldest.
+        estimate=shared.estimates[int(np.argmin(mean.sum(axis=1)))],
         laws=tuple(laws),
         temperature_degC=mean,
         covariance=solved.covariance,

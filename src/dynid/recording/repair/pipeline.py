@@ -16,7 +16,7 @@ from dynid.recording.record import (
     RecordMetadata,
     are_poses,
     identity,
-    numbers_hash,
+    signals_hash,
 )
 from dynid.recording.repair import clock, joints, missing, motion, spikes, stamps
 from dynid.recording.table import TORQUE_SOURCES, Mask, RawTable, ReadOptions, rows_with
@@ -91,8 +91,8 @@ def checked_records(records: Sequence[ExperimentRecord]) -> list[ExperimentRecor
     kept: list[ExperimentRecord] = []
     places: dict[str, int] = {}
     for number, record in enumerate(records, 1):
-        # Of one file imported twice, or of one run in two formats.
-        own = (identity(record), numbers_hash(record))
+        # Of one file imported twice, or of one run in two formats or with other stamps.
+        own = (identity(record), signals_hash(record))
         first = next((places[one] for one in own if one in places), None)
         if first is not None:
             note = Finding(
