@@ -293,6 +293,37 @@ def test_two_arms_on_topics_of_their_own_are_refused(tmp_path: Path) -> None:
     assert_true_to(read_recording(path, topic="/left/joint_states"), left)
 
 
+def test_two_arms_on_one_topic_are_refused_unless_named(tmp_path: Path) -> None:
+    arms = {"left": Motion(samples=100), "right": Motion(samples=100, seed=5)}
+    stream, joints = [], []
+    for name, arm in arms.items():
+        joints = [f"{name}_{joint}" for joint in UR_JOINTS]
+        values = [x(arm.t).tolist() for x in (arm.position, arm.velocity, arm.current)]
+        for t, *row in zip(np.round(arm.t * 1e9).astype(int).tolist(), *values, strict=True):
+            stream.append((t, joint_state(t, joints, *row)))
+    path = write_db3(arms["left"], tmp_path / "bag.db3", sorted(stream))
+    for robot in (None, "ur5"):
+        with pytest.raises(RecordError, match=r"different joints.*joint_order"):
+            read_recording(path, robot=robot)
+        record = read_recording(path, robot=robot, joint_order=joints)
+        assert_true_to(record, arms["right"])
+
+
+@pytest.mark.parametrize("clock_set", [False, True])
+def test_messages_in_another_order_than_sent(tmp_path: Path, clock_set) -> None:
+    motion = Motion()
+    stream = list(messages(motion))
+    order = np.random.default_rng(0).permutation(len(stream))
+    if clock_set:
+        # That of the recorder: what was written is in order.
+        order = np.arange(len(stream))
+        stream = [(stamp - 10**9 * (k > 200), data) for k, (stamp, data) in enumerate(stream)]
+    path = write_mcap(motion, tmp_path / "x.mcap", "zstd", [stream[k] for k in order])
+    record = read_recording(path)
+    assert (record.samples, record.problems) == (motion.samples, ())
+    assert_true_to(record, motion)
+
+
 def test_more_messages_of_a_gripper_are_no_robot(tmp_path: Path) -> None:
     motion = Motion(samples=100)
     path = write_db3(motion, tmp_path / "bag.db3", topic="/arm/joint_states")

@@ -96,6 +96,16 @@ def test_headerless_table_by_columns(tmp_path: Path, delimiter: str) -> None:
     np.testing.assert_array_equal(again.signals["q"], record.signals["q"])
 
 
+def test_a_word_beside_the_first_row_costs_no_row(tmp_path: Path) -> None:
+    motion = Motion()
+    path = write_rtde_csv(motion, tmp_path / "log.csv")
+    header, first, *rest = path.read_text().splitlines()
+    rows = [f"event,{header}", f"start,{first}", *(f",{row}" for row in rest)]
+    path.write_text("\n".join(rows))
+    record = read_recording(path)
+    assert (record.samples, record.problems) == (motion.samples, ())
+
+
 def test_a_damaged_first_row_of_a_headerless_table_is_told(tmp_path: Path) -> None:
     """More than half of it is no number: it is a row that is lost, not a header."""
     motion = Motion()

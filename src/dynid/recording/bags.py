@@ -76,16 +76,29 @@ class _Collector:
         group.add(self.count, message.stamp_ns, receive_ns, values)
 
     def usual_names(self, joints: int, named: Sequence[str]) -> _Names:
-        """The names in most messages; before them those of so many joints, and with these."""
-        return max(
-            self.groups,
-            key=lambda names: (
-                {*named} <= {*map(_joint, names)},
-                _positions(names) >= max(joints, 1),
-                len(self.groups[names].number),
-                len(names),
-            ),
-        )
+        """The names in most messages; before them those of so many joints, and with these.
+
+        Raises:
+            RecordError: As many messages are of other joints, as of two arms.
+        """
+
+        def standing(names: _Names) -> tuple[bool, bool, int, int]:
+            wanted = {*named} <= {*map(_joint, names)}
+            enough = _positions(names) >= max(joints, 1)
+            return wanted, enough, len(self.groups[names].number), len(names)
+
+        best = max(self.groups, key=standing)
+        own = {*map(_joint, best)}
+        for names, group in self.groups.items():
+            others = {*map(_joint, names)}
+            many = 2 * len(group.number) > len(self.groups[best].number)
+            if many and standing(names)[:2] == standing(best)[:2] and own.isdisjoint(others):
+                raise UnclearRecordError(
+                    "messages of one topic are of different joints, as of two arms",
+                    value=[printable(", ".join(sorted(both)), 200) for both in (own, others)],
+                    next_step="Name those of the robot, base to tip, with --joint-order.",
+                )
+        return best
 
     def columns(self, names: Sequence[str], needed: set[str]) -> tuple[Array, NDArray[np.int64]]:
         """Numbers (N, k) of the messages that have those needed, and their `times`.
@@ -99,7 +112,10 @@ class _Collector:
             table = np.pad(group.table(), ((0, 0), (0, 1)), constant_values=np.nan)
             parts.append(table[:, [place.get(name, -1) for name in names]])
         times = np.concatenate([group.times for group in fits.values()], axis=1)
-        order = np.argsort(times[0], kind="stable")
+        # Files of a bag, and chunks of a file, may stand in another order than their messages were
+        # sent in; where a clock was set, the order in which they were written is the better one.
+        written, received = np.argsort(times[0]), np.lexsort((times[0], times[2]))
+        order = min(received, written, key=lambda rows: (np.diff(times[1, rows]) < 0).sum())
         return np.concatenate(parts)[order], times[:, order]
 
 
@@ -259,7 +275,7 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             said = f"{collector.damaged} damaged messages"
             raise RecordError(f"no message of {chosen.name} can be decoded", value=said)
         order = [name for name in options.joint_order or () if not name.isdecimal()]
-        names = collector.usual_names(len(joints), order)
+        names = collector.usual_names(len(joints), order or joints)
         if any(map(_joint, names)):
             # An array that is not as long as the names says nothing of the joints.
             names = tuple(name if _joint(name) else "" for name in names)
