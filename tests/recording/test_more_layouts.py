@@ -161,6 +161,16 @@ def test_cells_of_one_vector_a_joint(tmp_path: Path) -> None:
         cells[0, joint] = Q[:, joint]
     scipy.io.savemat(tmp_path / "x.mat", {"t": T, "q": cells, "tau": CURRENT})
     assert_true(read_recording(tmp_path / "x.mat"))
+    # MATLAB 7.3 writes cells as references.
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "x.h5", "w") as file:
+        file["t"], store = T[None], file.create_group("#refs#")
+        for name, values in {"q": Q, "tau": CURRENT}.items():
+            for joint in range(6):
+                store[f"{name}{joint}"] = values[None, :, joint]
+            cells = [[store[f"{name}{joint}"].ref] for joint in range(6)]
+            file.create_dataset(name, data=cells, dtype=h5py.ref_dtype)
+    assert_true(read_recording(tmp_path / "x.h5"))
 
 
 def test_json_of_pandas(tmp_path: Path) -> None:

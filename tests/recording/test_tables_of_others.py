@@ -9,6 +9,7 @@ import lzma
 import tempfile
 import zipfile
 from datetime import datetime, timedelta
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -135,6 +136,15 @@ def test_typed_tables(tmp_path: Path, lists: bool, write) -> None:
     check(read_recording(path, format="parquet"))
     if not lists:
         check(read_recording(path, columns="t=0,q=1:7,effort=13:19"))
+
+
+def test_decimals_of_databases(tmp_path: Path) -> None:
+    decimals = {
+        name: pa.array([Decimal(f"{x:.12f}") for x in values])
+        for name, values in columns(lists=False).items()
+    }
+    parquet.write_table(pa.table(decimals), tmp_path / "x.parquet")
+    check(read_recording(tmp_path / "x.parquet"))
 
 
 @pytest.mark.parametrize(
@@ -381,10 +391,22 @@ def messages(path: Path) -> Path:
         elif path.suffix == ".mat":
             scipy.io.savemat(path, {"state": {"name": np.array(names, dtype=object), **arrays}})
         else:
-            with pytest.importorskip("h5py").File(path, "w") as file:
-                group = file.create_group("state")
-                for name, values in {"joint_names": names, **arrays}.items():
+            h5py = pytest.importorskip("h5py")
+            with h5py.File(path, "w") as file:
+                group, store = file.create_group("state"), file.create_group("#refs#")
+                for name, values in {path.stem: names, **arrays}.items():
                     group[name] = values
+                # MATLAB's letters are numbers: each word a column, of a cell or of a matrix.
+                letters = [
+                    np.array([[*map(ord, name.ljust(20))]], dtype=np.uint16).T for name in names
+                ]
+                if path.stem == "letters":
+                    group["joint_names"] = np.hstack(letters)
+                elif path.stem == "cells":
+                    for k, word in enumerate(letters):
+                        store[str(k)] = word
+                    cells = [[store[str(k)].ref for k in range(len(names))]]
+                    group.create_dataset("joint_names", data=cells, dtype=h5py.ref_dtype)
         return path
     columns = {"name": [names] * n, "position": q.tolist(), "effort": tau.tolist()}
     if path.suffix == ".parquet":
@@ -400,9 +422,12 @@ def messages(path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("suffix", [".parquet", ".json", ".npz", ".mat", ".h5"])
-def test_joint_names_beside_the_numbers_give_the_order(tmp_path: Path, suffix: str) -> None:
-    check(read_recording(messages(tmp_path / f"x{suffix}"), robot=load_robot("ur5")))
+@pytest.mark.parametrize(
+    "name",
+    ["x.parquet", "x.json", "x.npz", "x.mat", "joint_names.h5", "letters.h5", "cells.h5"],
+)
+def test_joint_names_beside_the_numbers_give_the_order(tmp_path: Path, name: str) -> None:
+    check(read_recording(messages(tmp_path / name), robot=load_robot("ur5")))
 
 
 def test_joint_names_that_change_are_refused(tmp_path: Path) -> None:

@@ -99,6 +99,8 @@ def _columns(name: str, column: Any) -> list[tuple[str, Array]]:
             if row is not None and len(row) == width:
                 values[k] = [np.nan if item is None else item for item in row]
         return [(f"{name}[{k}]", values[:, k]) for k in range(width)]
+    if types.is_decimal(kind):
+        return _columns(name, column.cast("float64"))
     if types.is_floating(kind) or types.is_integer(kind) or types.is_boolean(kind):
         return [(name, np.asarray(column.to_numpy(zero_copy_only=False), dtype=np.float64))]
     found = moments_of(map(str, column.to_pylist())) if _is_text(types, kind) else None
@@ -263,7 +265,9 @@ def _collect_hdf5(
         return
     taken = sum(value.size for value in into.arrays.values())
     budget.require_values((item.size + taken) * max(1, len(item.dtype.names or ())))
-    if item.dtype.kind == "O" and item.dtype.metadata and "ref" in item.dtype.metadata:
+    if holds_names(path) and (words := _letters(file, item)):
+        into.collect(np.array(words), path, depth)
+    elif _refers(item):
         for number, reference in enumerate(item[()].ravel(order="F")[:_MAX_ELEMENTS]):
             if reference:
                 # Fields of a struct array hold one reference an element.
@@ -277,6 +281,19 @@ def _collect_hdf5(
         units = {*chain(*_texts(item.attrs.get("unit", item.attrs.get("units"))))}
         mark = f" [{units.pop()}]" if len(units) == 1 and "" not in units else ""
         into.collect(item[()], f"{path}{mark}", depth)
+
+
+def _refers(item: Any) -> bool:
+    """Whether an array holds references, as MATLAB's cells and struct arrays do."""
+    return item.dtype.kind == "O" and "ref" in (item.dtype.metadata or {})
+
+
+def _letters(file: Any, item: Any) -> list[str]:
+    """The texts of a cell or matrix of letters, which MATLAB writes as numbers of two bytes."""
+    cells = item[()].ravel(order="F")[:_MAX_ELEMENTS] if _refers(item) else ()
+    parts = [file[reference] for reference in cells if reference] or [item]
+    letters = [part for part in parts if part.dtype == np.uint16 and part.ndim == 2]
+    return ["".join(map(chr, row)) for part in letters for row in part[()].T.tolist()]
 
 
 def _collect_block(item: Any, name: str, path: str, into: _Contents, budget: Budget) -> bool:
