@@ -72,6 +72,19 @@ def test_time_units_are_found_and_reported(unit: str, scale: float, with_velocit
     np.testing.assert_allclose(record.t, MOTION.t - MOTION.start, atol=1e-6)
 
 
+@pytest.mark.parametrize(("rate", "scale"), [(4000.0, 1e-3), (0.5, 1.0)])
+def test_velocities_tell_a_unit_that_the_size_of_the_steps_does_not(
+    rate: float, scale: float
+) -> None:
+    """A quarter of a millisecond looks like seconds, two seconds like milliseconds."""
+    motion = Motion(samples=2000, rate=4000.0)
+    slowed = rate / motion.rate
+    t = (motion.t - motion.start) / slowed
+    table = raw(motion, t=t / scale)
+    table = signals(table, qd=table.signals["qd"] * slowed)
+    np.testing.assert_allclose(run(table).t, t, atol=1e-9 * t[-1])
+
+
 def test_named_time_units_are_taken_without_a_word() -> None:
     record = run(raw(t=MOTION.t * 1e3, time_scale=1e-3))
     assert codes(record) == []

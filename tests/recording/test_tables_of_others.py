@@ -301,6 +301,25 @@ def test_struct_arrays_in_hdf5(tmp_path: Path) -> None:
     check(read_recording(tmp_path / "x.mat", robot=load_robot("ur5")))
 
 
+def test_paths_of_struct_arrays_and_cells_in_hdf5(tmp_path: Path) -> None:
+    """Two runs are no joints; a user names one, or the cells of a list."""
+    h5py = pytest.importorskip("h5py")
+    t = MOTION.t
+    parts = {"t": t, "q": MOTION.position(t).T, "tau": MOTION.current(t).T}
+    with h5py.File(tmp_path / "x.mat", "w") as file:
+        run, store = file.create_group("run"), file.create_group("#refs#")
+        for name, value in parts.items():
+            store[f"{name}1"], store[f"{name}2"] = 0.5 * value, value
+            cells = [[store[f"{name}{k}"].ref] for k in (1, 2)]
+            run.create_dataset(name, data=cells, dtype=h5py.ref_dtype)
+        cells = [[store[f"{name}2"].ref] for name in parts]
+        file.create_dataset("log", data=cells, dtype=h5py.ref_dtype)
+    with pytest.raises(RecordError, match=r"t=run\(1\).t,q=run\(1\).q,effort=run\(1\).tau"):
+        read_recording(tmp_path / "x.mat")
+    for columns in ("t=run(2).t,q=run(2).q,effort=run(2).tau", "t=log(1),q=log(2),effort=log(3)"):
+        check(read_recording(tmp_path / "x.mat", columns=columns))
+
+
 @pytest.mark.parametrize("layout", ["arrays", "objects", "lines"])
 def test_json(tmp_path: Path, layout: str) -> None:
     t = MOTION.t

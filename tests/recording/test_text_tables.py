@@ -323,6 +323,29 @@ def test_one_number_a_line(tmp_path: Path) -> None:
         read_recording(files, columns="t=0,q=1:7,current=7:13")
 
 
+@pytest.mark.parametrize("one_file_a_joint", [False, True])
+def test_numbers_a_line_without_a_file_of_times(tmp_path: Path, one_file_a_joint: bool) -> None:
+    """Of files as long as each other the number of joints says how long a row is."""
+    motion = Motion(samples=600)
+    files = []
+    for name, part in (("q", motion.position(motion.t)), ("c", motion.current(motion.t))):
+        for k, values in enumerate(part.T if one_file_a_joint else [part]):
+            files.append(tmp_path / f"{name}{k}.txt")
+            np.savetxt(files[-1], values.ravel())
+    given = {"columns": "q=0:6,current=6:12", "rate_hz": motion.rate, "robot": "ur5"}
+    record = read_recording(files, **given)
+    np.testing.assert_allclose(record.signals["q"], motion.position(motion.t))
+    np.testing.assert_allclose(record.signals["current"], motion.current(motion.t))
+    lines = files[0].read_text().splitlines()
+    # The sixth number of the 51st row costs its row, and is told by its line or by the row's.
+    for word, line in () if one_file_a_joint else (("?", 306), ("nan", 301)):
+        files[0].write_text("\n".join([*lines[:305], word, *lines[306:]]))
+        record = read_recording(files, **given)
+        (found,) = [one for one in record.problems if one.kind == "corrupt_rows"]
+        assert (record.samples, record.metadata.dropped_rows) == (599, 1)
+        assert f"line {line}" in found.text
+
+
 def test_a_link_goes_by_its_own_name(tmp_path: Path) -> None:
     """Version control of data keeps files under their hashes and links to them."""
     motion = Motion()

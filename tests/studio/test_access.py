@@ -57,8 +57,10 @@ def test_pages_of_other_sites_may_not_ask() -> None:
         assert rule(policy, 8080, "/", KNOWN | {"origin": origin}).status == 403
     # A name of the attacker's that was made to point at this machine.
     for host in ("evil.example:8080", "127.0.0.1.evil.example", "", "[::1"):
-        found = rule(policy, 8080, "/", {"host": host, "origin": f"http://{host}"})
+        found = rule(policy, 8080, "/", KNOWN | {"host": host, "origin": f"http://{host}"})
         assert found.status == 403
+    for host in ("localhost:8080", "[::1]:8080", "127.0.0.2:8080"):
+        assert rule(policy, 8080, "/", KNOWN | {"host": host}).status == 200
 
 
 def test_the_token_opens_once_and_the_cookie_after_it() -> None:
