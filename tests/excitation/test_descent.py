@@ -94,3 +94,34 @@ def test_stops_when_told_and_never_gets_worse() -> None:
     )
     assert len(asked) == 4
     assert bowl(target, curved)(state.x)[0] <= bowl(target, curved)(start)[0]
+
+
+def evaluations(target: Floats, start: Floats, curved: Floats) -> int:
+    """How many it takes to a millionth of what there is to gain."""
+    seen: list[float] = []
+
+    def objective(x: Floats) -> tuple[float, Callable[[], Floats]]:
+        found = bowl(target, curved)(x)
+        seen.append(found[0])
+        return found
+
+    descend(
+        objective, region_of(problem()), Descent(x=start), weight=1e-12, iterations=50,
+        tolerance=0.0, stop=lambda: seen[-1] < 1e-6 * seen[0],
+    )  # fmt: skip
+    return len(seen)
+
+
+def test_the_first_step_tells_the_scale_of_the_curvature() -> None:
+    """Without it every other direction has to be learnt: 19 evaluations."""
+    random = np.random.default_rng(3)
+    start, target = random_numbers(region_of(problem()), 2, random, fill=0.3)
+    assert evaluations(target, start, np.diag(np.linspace(50, 60, start.size))) <= 5
+
+
+def test_a_step_that_is_too_long_ends_in_the_least_along_it() -> None:
+    """A quadratic has it on a parabola: the start, one step too long, the optimum."""
+    random = np.random.default_rng(4)
+    start = random_numbers(region_of(problem()), 1, random, fill=0.3)[0]
+    target = start + 0.005 * random.normal(size=start.shape)
+    assert evaluations(target, start, 5 * np.eye(start.size)) == 3
