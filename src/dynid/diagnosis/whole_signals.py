@@ -35,9 +35,8 @@ _LEAST_TURN = 0.5
 """[rad] smaller tilts are linear."""
 _WIDTH = 0.02
 """Smoothing velocity of the Coulomb column, share of the joint's usual top speed."""
-_FRICTION = 0.2
-"""Friction expected of a joint, share of its torque; as uncertain as `_SPREAD`."""
 _SPREAD = 0.5
+"""Friction of a joint that is likely, share of its torque."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -306,12 +305,11 @@ class _Plain:
         size = np.sqrt(energy / rows) + 1e-12
         # Motors that drive several joints have columns of their own between inertia and Coulomb.
         coupling = np.full(len(of.columns) - 13 * n, size.max() / of.fast.min())
-        expected = _FRICTION * size / of.fast, 0 * size, 0 * coupling, _FRICTION * size
-        mean = np.concatenate([self.mean, *expected])
+        usual = np.concatenate([size / of.fast, size / of.top, coupling, size])
+        mean = np.concatenate([self.mean, np.zeros(len(usual))])
         precision = np.zeros((len(mean), len(mean)))
         precision[: 10 * n, : 10 * n] = self.precision
         rest = np.arange(10 * n, len(mean))
-        usual = np.concatenate([size / of.fast, size / of.top, coupling, size])
         precision[rest, rest] = 1 / np.square(_SPREAD * usual)
         pulled = precision @ mean
         noise, values = energy / rows + 1e-18, mean
