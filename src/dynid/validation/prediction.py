@@ -5,7 +5,7 @@ And whether it was made with another payload than the record that was identified
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import chain, pairwise
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ from dynid.recording import (
     open_record,
 )
 from dynid.reduction import random_states
+from dynid.regressor import CHUNK
 from dynid.robot import RobotModel, builtin_names, joint_poses, load_robot
 from dynid.signals import (
     ProcessingSettings,
@@ -63,16 +64,20 @@ def another_payload(estimate: Estimate, samples: Samples, error: Array) -> Itera
     The error (N, n) is measured minus predicted torques of the record's used rows [N.m or N], of
     which a payload has to explain nearly all.
     """
-    model, rows = estimate.model, samples.rows
+    model, used = estimate.model, np.arange(samples.count)[samples.rows]
     last = 10 * (model.robot.joints - 1)
-    stack = model.stack(samples.q, samples.dq, samples.ddq)[last : last + 10]
-    columns = samples.as_recorded(stack)[..., rows] / estimate.noise[:, None]
     weighted = error.T / estimate.noise[:, None]
-    count = weighted.shape[1]
-    cuts = [k * count // STRETCHES for k in range(STRETCHES + 1)]
-    parts = [slice(a, b) for a, b in pairwise(cuts)]
-    square = np.array([np.einsum("rjt,sjt->rs", columns[..., p], columns[..., p]) for p in parts])
-    cross = np.array([np.einsum("rjt,jt->r", columns[..., p], weighted[:, p]) for p in parts])
+    square, cross = np.zeros((STRETCHES, 10, 10)), np.zeros((STRETCHES, 10))
+    # Columns of an hour would not fit into memory.
+    for k, stretch in enumerate(np.array_split(used, STRETCHES)):
+        for first in range(0, len(stretch), CHUNK):
+            part = stretch[first : first + CHUNK]
+            wide, inner = samples.surroundings(slice(int(part[0]), int(part[-1]) + 1))
+            stack = model.stack(samples.q[wide], samples.dq[wide], samples.ddq[wide])
+            found = samples.as_recorded(stack[last : last + 10], wide)[..., inner]
+            columns = found / estimate.noise[:, None]
+            square[k] += np.einsum("rjt,sjt->rs", columns, columns)
+            cross[k] += np.einsum("rjt,jt->r", columns, weighted[:, part - used[0]])
     scale = np.sqrt(np.maximum(np.diag(square.sum(axis=0)), 1e-300))
     square, cross = square / scale / scale[:, None], cross / scale
 
