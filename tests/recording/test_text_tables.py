@@ -118,6 +118,15 @@ def test_a_damaged_first_row_of_a_headerless_table_is_told(tmp_path: Path) -> No
     assert (record.samples, record.metadata.dropped_rows) == (motion.samples - 1, 1)
 
 
+def test_the_minus_sign_of_unicode(tmp_path: Path) -> None:
+    path = write_rtde_csv(Motion(), tmp_path / "x.csv")
+    plain = read_recording(path)
+    path.write_text(path.read_text().replace("-", "\u2212"), encoding="utf-8")
+    record = read_recording(path)
+    assert (record.samples, record.problems) == (plain.samples, ())
+    np.testing.assert_array_equal(record.signals["q"], plain.signals["q"])
+
+
 def test_decimal_comma(tmp_path: Path) -> None:
     motion = Motion()
     path = write_plain_csv(motion, tmp_path / "x.csv", ";")

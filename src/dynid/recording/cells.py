@@ -90,7 +90,7 @@ _GROUPED = {
     for dot, a, b in ((".", "'", ", "), (",", " '", "."))
 }
 """Decimal sign to numbers in groups of three digits; nobody knows whether `1,234` alone is one."""
-_BLANKS = str.maketrans({"\u00a0": " ", "\u202f": " ", "\u2019": "'"})
+_ASCII = str.maketrans({"\u00a0": " ", "\u202f": " ", "\u2019": "'", "\u2212": "-"})
 _DOUBLE = re.compile(r"(?<=\d)(\.?)[dD](?=[+-]?\d+$)")
 _NAME = re.compile(r"[\"'#%/$\s]*[A-Za-z_]")
 
@@ -107,7 +107,7 @@ def number(cell: str, decimal: str = ".") -> float:
     Raises:
         ValueError: The cell is neither a number nor a sign for a missing value.
     """
-    cell = cell.translate(_BLANKS) if not cell.isascii() else cell
+    cell = cell.translate(_ASCII) if not cell.isascii() else cell
     # float() takes 1_000 and digits of other scripts; no recorder writes them.
     if not cell.isascii() or "_" in cell:
         raise ValueError(cell)

@@ -44,6 +44,8 @@ def _encoding_of(head: bytes) -> str:
 def looks_like_text(head: bytes) -> bool:
     """Whether the first bytes of a file can be a table in text form."""
     marked = head.startswith((b"\xff\xfe", b"\xfe\xff"))
+    # The minus of Swedish and Norwegian programs.
+    head = head.replace("\u2212".encode(), b"-")
     return marked or len(head.translate(None, _TEXT)) <= 0.1 * len(head)
 
 
