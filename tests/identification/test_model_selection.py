@@ -41,9 +41,11 @@ from dynid.identification.selection.columns import (
 )
 from dynid.identification.selection.gram import (
     NormalEquations,
+    Shrinkage,
     gram_blocks,
     shared_picks,
     signed_solutions,
+    solutions,
 )
 from dynid.identification.selection.regions import find_regions, moving_rows
 from dynid.identification.selection.scoring import gain_of
@@ -150,6 +152,14 @@ def test_blocks_leave_out_what_least_squares_on_the_other_rows_leaves_out() -> N
         np.testing.assert_allclose(errors[:, k], np.square(left).sum(axis=1), rtol=1e-4)
     merged = blocks.merged(np.array([0, 1, -1]))
     assert merged.rows.tolist() == [[30, 30]] * 2
+
+
+def test_friction_that_left_out_parts_alone_show_stays_small() -> None:
+    # An inertia with a prior, and friction of a joint that all but rests elsewhere.
+    matrix = np.array([np.eye(2), np.diag([1.0, 1e-10])])
+    prior = Shrinkage(mean=np.zeros(2), precision=np.diag([1e-8, 0.0]))
+    found = solutions(matrix, np.array([[1.0, 1.0], [1.0, 1e-6]]), prior)
+    np.testing.assert_allclose(found, [[1.0, 1.0], [1.0, 10.0]], rtol=2e-3)
 
 
 def test_regions_know_no_order_and_no_rest() -> None:

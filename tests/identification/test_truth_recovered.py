@@ -6,7 +6,13 @@ from known_robot import oracle, recording, ur5
 
 from dynid import identify
 from dynid.bench import arm, motion, plant
-from dynid.identification import Estimate, IdentificationProblem, WeightedLeastSquares, select
+from dynid.identification import (
+    Estimate,
+    IdentificationProblem,
+    TowardPublished,
+    WeightedLeastSquares,
+    select,
+)
 from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel
@@ -160,6 +166,17 @@ def test_the_weak_prior_hardly_moves_a_good_record() -> None:
     free = WeightedLeastSquares().fit(problem).values
     tame = WeightedLeastSquares(prior_gain=1.0).fit(problem).values
     assert np.abs((tame - free) / fitted(recording(2)).std).max() < 0.1
+
+
+@pytest.mark.parametrize("moving", [(), (0,), (0, 2, 4)])
+def test_the_weak_prior_holds_what_joints_at_rest_do_not_show(moving: tuple[int, ...]) -> None:
+    base = reduce_model(InverseDynamicModel(robot=ur5()))
+    samples = process(recording(2), ur5(), ProcessingSettings(cutoff_hz=15.0))
+    moves = np.isin(np.arange(6), moving)
+    still = {name: getattr(samples, name) * moves for name in ("q", "dq", "ddq")}
+    problem = IdentificationProblem(base=base, samples=replace(samples, **still))
+    for estimator in (WeightedLeastSquares(prior_gain=1.0), TowardPublished(weight=1e-8)):
+        assert np.abs(estimator.fit(problem).values).max() < 1e3
 
 
 def test_more_records_mean_more_certainty() -> None:

@@ -203,8 +203,8 @@ def solve(
         mapping = base_mapping(base)
         # Standard column k explains norm(scale_k p_k) of the norm of all torques.
         scale = np.linalg.norm(rows[:, :r] @ mapping, axis=0)
-        # What no torque shows stays with the prior: zero.
-        scale[scale == 0] = 1.0
+        # What no torque shows, but for rounding, stays with the prior: zero.
+        scale[scale <= 1e-12 * scale.max()] = 1.0
         expected = max(prior_gain * np.linalg.norm(rows[:, r]), 1e-300)
         root = inverse_upper(upper_triangle((mapping * expected / scale).T)).T
         rows = np.vstack([rows, np.column_stack([root, np.zeros(r)])])

@@ -22,7 +22,7 @@ HELD = 1e12
 RIDGE = 1e-7
 """Of unit columns: a parameter that parts of a recording do not show stays small."""
 ROUNDING = 1e-12
-"""Of unit columns that have a prior: some hardly differ from each other, which depends on link
+"""Of unit columns that the prior holds: some hardly differ from each other, which depends on link
 frames, and carry torques that cancel."""
 WEIGHTING_STEPS = 5
 """Fits and noise levels in turn; a sixth changes no weight by a per cent."""
@@ -206,16 +206,18 @@ def solutions(
         shrinkage: Prior on the first unknowns.
         positive: (s) as in `Pick`; None for none.
     """
+    size = matrix.shape[-1]
+    ridge = np.full(size, RIDGE)
     if shrinkage is not None:
         r = len(shrinkage.mean)
+        # Friction has no prior.
+        ridge[:r][np.diag(shrinkage.precision) > 0] = ROUNDING
         matrix, vector = matrix.copy(), vector.copy()
         matrix[:, :r, :r] += shrinkage.precision
         vector[:, :r] += shrinkage.precision @ shrinkage.mean
-    size = matrix.shape[-1]
     scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=1, axis2=2).max(axis=0), 1e-300))
     systems = matrix / np.outer(scale, scale)
-    shrunk = 0 if shrinkage is None else len(shrinkage.mean)
-    systems[:, range(size), range(size)] += np.where(np.arange(size) < shrunk, ROUNDING, RIDGE)
+    systems[:, range(size), range(size)] += ridge
     targets = vector / scale
     signs = np.zeros(size, dtype=np.bool_) if positive is None else positive
     return signed_solutions(systems, targets, signs) / scale
