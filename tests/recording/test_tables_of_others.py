@@ -424,7 +424,8 @@ def messages(path: Path) -> Path:
                 elif path.stem == "cells":
                     for k, word in enumerate(letters):
                         store[str(k)] = word
-                    cells = [[store[str(k)].ref for k in range(len(names))]]
+                    # A struct among them is no name.
+                    cells = [[*(store[str(k)].ref for k in range(len(names))), store.ref]]
                     group.create_dataset("joint_names", data=cells, dtype=h5py.ref_dtype)
         return path
     columns = {"name": [names] * n, "position": q.tolist(), "effort": tau.tolist()}

@@ -292,7 +292,8 @@ def _letters(file: Any, item: Any) -> list[str]:
     """The texts of a cell or matrix of letters, which MATLAB writes as numbers of two bytes."""
     cells = item[()].ravel(order="F")[:_MAX_ELEMENTS] if _refers(item) else ()
     parts = [file[reference] for reference in cells if reference] or [item]
-    letters = [part for part in parts if part.dtype == np.uint16 and part.ndim == 2]
+    # A group, as of a struct, has no dtype.
+    letters = [x for x in parts if getattr(x, "dtype", None) == np.uint16 and x.ndim == 2]
     return ["".join(map(chr, row)) for part in letters for row in part[()].T.tolist()]
 
 
