@@ -90,6 +90,20 @@ def test_a_shape_that_no_pose_comes_near_is_told() -> None:
     assert "metres" in told[0]
 
 
+def test_the_bodies_of_a_single_joint_count_for_its_length(tmp_path: Path) -> None:
+    path = tmp_path / "table.urdf"
+    path.write_text(
+        """<robot name="table"><link name="a"/><link name="b">
+        <collision><origin xyz="0.2 0 0"/><geometry><box size="0.4 0.1 0.1"/></geometry></collision>
+        </link><joint name="j" type="revolute"><parent link="a"/><child link="b"/>
+        <origin xyz="0 0 0.3"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="2"/>
+        </joint></robot>"""
+    )
+    judge = safe_constraints(load_robot(path), scene({**BALL, "position": [0.45, 0.5, 0.3]}))
+    assert not [note for note in judge.notes if "out of reach" in note]
+    assert "environment" not in [item.kind for item in judge.unjudged]
+
+
 def test_wrong_files_are_named(tmp_path: Path) -> None:
     path = tmp_path / "cell.json"
     for text, message in (

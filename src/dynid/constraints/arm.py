@@ -20,8 +20,6 @@ class ArmGeometry:
     R = R0 + R1 cos q + R2 sin q, p = p0 + p3 q; the axis in its own frame."""
     prismatic: Indices
     """(n) 1 where the joint slides."""
-    offsets: Array
-    """(n) length of p0, the way from frame i - 1 to frame i [m]."""
 
     @property
     def count(self) -> int:
@@ -55,7 +53,8 @@ class ArmGeometry:
         for k in range(link - 1, -1, -1):
             slides = bool(self.prismatic[k])
             found[k] = 1.0 if slides else way
-            way += self.offsets[k] + (float(travel[k]) if slides else 0.0)
+            # p0 is the way from frame to frame.
+            way += float(np.linalg.norm(self.joints[k, 27:30]) + slides * travel[k])
         return found
 
 
@@ -69,7 +68,6 @@ def arm_geometry(robot: RobotModel) -> ArmGeometry:
     return ArmGeometry(
         joints=rows,  # Writable, as they come to a worker: see `samples_of`.
         prismatic=np.array(robot.prismatic, dtype=np.intp),
-        offsets=read_only(np.linalg.norm(place, axis=1)),
     )
 
 

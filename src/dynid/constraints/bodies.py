@@ -286,7 +286,7 @@ def _free_pairs(
         most = float(row.max())
         # By touching, not by the clearance: a larger one must not judge fewer pairs.
         often = float(np.quantile(row, 1.0 if b >= arm else _MOSTLY, method="higher"))
-        clearance = min(settings.self_clearance, max(most, 0.0) / 2, often)
+        clearances[k] = min(settings.self_clearance, most / 2, often)
         if gap[k] <= _NEAR and _proven(bodies, a, b, row, settings, _SURE):
             continue
         kept[k] = often > _TOUCHING
@@ -298,14 +298,12 @@ def _free_pairs(
                 limit=f"{settings.self_clearance:g} m",
                 next_step="Sizes are in metres, places in the flange's frame.",
             )
-        clearances[k] = clearance
-        if kept[k] and clearance < settings.self_clearance:
-            notes.append(
-                f"{what} have little room, at most {most:.4f} m: the limit is {clearance:.4f} m"
-            )
         if not kept[k]:
             share = float((row <= _TOUCHING).mean())
             left_out.append(f"{what} are not judged: their bodies touch in {share:.0%} of poses")
+        elif clearances[k] < settings.self_clearance:
+            limit = f"the limit is {clearances[k]:.4f} m"
+            notes.append(f"{what} have little room, at most {most:.4f} m: {limit}")
     return own[kept], clearances[kept], tuple(left_out)
 
 
@@ -331,7 +329,8 @@ def _reachable(
     kept = np.ones(len(around), dtype=bool)
     far = bodies.distances(poses, around).T
     out: set[str] = set()
-    length = bodies.arm.length
+    # With the largest body: the axis of a single joint has no length of its own.
+    length = bodies.arm.length + 2 * float(bodies.spheres[around[:, 1], 3].max(initial=0.0))
     for shape in map(int, np.unique(around[:, 0])):
         least = float(far[around[:, 0] == shape].min())
         if least > _FAR * length:

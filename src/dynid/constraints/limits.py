@@ -385,6 +385,7 @@ def doubted_units(robot: RobotModel) -> list[Unjudged]:
     limits, turning = robot.limits, ~np.array(robot.prismatic)
     reach = arm_geometry(robot).length
     mass = float(np.nansum(robot.inertias[:, 0]))
+    strongest = float(limits.torque.max(initial=0.0, where=turning & (limits.torque < UNLIMITED)))
     found: list[Unjudged] = []
 
     def doubt(kind: str, cause: str, unit: str) -> None:
@@ -410,11 +411,7 @@ def doubted_units(robot: RobotModel) -> list[Unjudged]:
     elif mass > max(DENSEST * reach**3, LIGHTEST) and turning.all():
         said = f"the arm of {reach:.3g} m has {mass:.4g} kg: its masses look like grams"
         doubt("torque", said, "kg")
-    elif (
-        0
-        < STANDARD_GRAVITY * mass * reach
-        < WEIGHTLESS * (strongest := _strongest(limits.torque[turning]))
-    ):
+    elif 0 < STANDARD_GRAVITY * mass * reach < WEIGHTLESS * strongest:
         said = f"the arm of {reach:.3g} m has {mass:.3g} kg and torques of {strongest:.4g} N.m"
         doubt("torque", f"{said}: its masses or limits look like placeholders", "kg")
     size = np.full(robot.joints + 1, -math.inf)
@@ -428,10 +425,6 @@ def doubted_units(robot: RobotModel) -> list[Unjudged]:
         for kind in ("self_collision", "environment"):
             doubt(kind, f"{said}: their scale looks wrong", "m")
     return found
-
-
-def _strongest(torque: Array) -> float:
-    return float(np.max(torque, initial=0.0, where=torque < UNLIMITED))
 
 
 def _joints(robot: RobotModel, which: Mask) -> str:
