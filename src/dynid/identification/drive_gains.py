@@ -224,8 +224,7 @@ def gains_from_payload(
         turn: (10, 10) payload about the last link's parameter frame from payload about the
             flange.
         known: (10) the payload about the flange, NaN where unknown; the mass must be known.
-        start: (n) gains to start from; None for those of the linear problem, which noise makes
-            too small.
+        start: (n) gains to start from; None for those of the linear problem.
 
     Raises:
         JobError: A singular problem, or one that does not converge.
@@ -245,10 +244,9 @@ def gains_from_payload(
         columns, fixed, current = data
         shown = np.empty_like(current)
         for j in range(joints):
-            rows = np.concatenate([columns[:, j], fixed[:, j, :, None]], axis=2)
-            rows = rows.reshape(-1, rows.shape[2])
-            own = np.linalg.lstsq(rows, current[:, j].ravel())[0]
-            shown[:, j] = (rows @ own).reshape(records, -1)
+            own = np.concatenate([columns[:, j], fixed[:, j, :, None]], axis=2)
+            flat = own.reshape(-1, own.shape[2])
+            shown[:, j] = own @ np.linalg.lstsq(flat, current[:, j].ravel())[0]
         start = _solved_with_gains(shown, -columns, fixed, scale)[0][:joints]
     gain = start
     values = np.zeros(system.size)

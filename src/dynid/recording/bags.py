@@ -79,7 +79,7 @@ class _Collector:
         """The names in most messages; before them those of so many joints, and with these.
 
         Raises:
-            RecordError: As many messages are of other joints, as of two arms.
+            RecordError: More than half as many are of other joints, as of two arms.
         """
 
         def standing(names: _Names) -> tuple[bool, bool, int, int]:
@@ -88,11 +88,10 @@ class _Collector:
             return wanted, enough, len(self.groups[names].number), len(names)
 
         best = max(self.groups, key=standing)
-        own = {*map(_joint, best)}
-        for names, group in self.groups.items():
-            others = {*map(_joint, names)}
-            many = 2 * len(group.number) > len(self.groups[best].number)
-            if many and standing(names)[:2] == standing(best)[:2] and own.isdisjoint(others):
+        own, (*kind, most, _) = {*map(_joint, best)}, standing(best)
+        for names in self.groups:
+            others, (*other, count, _) = {*map(_joint, names)}, standing(names)
+            if kind == other and 2 * count > most and own.isdisjoint(others):
                 raise UnclearRecordError(
                     "messages of one topic are of different joints, as of two arms",
                     value=[printable(", ".join(sorted(both)), 200) for both in (own, others)],

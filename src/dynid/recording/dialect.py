@@ -339,25 +339,25 @@ def _first_row(
         start = 1 + next((k for k, x in enumerate(lines) if x.strip()), 0)
     rows = [cells for cells in (split(x, delimiter) for x in lines) if len(cells) == width]
     numbered = 2 * sum(is_name(row[0]) for row in rows) <= len(rows)
-    labelled: int | None = None
+    first, few = start, False
     for k, line in enumerate(lines[start:], start):
         if not line.strip() or line.lstrip().startswith(COMMENT):
             continue
         cells = split(line, delimiter)
+        numbers, present = count(cells, decimal)
+        words = sum(map(is_name, cells))
         # `Sampling rate,125` above a wide table is no row of it, nor is `X0,0,0` of one of numbers.
         titled = numbered and is_name(cells[0])
-        titled |= len(cells) != width and any(map(is_name, cells))
-        data = _is_data(*count(cells, decimal))
+        titled |= len(cells) != width and words > 0
+        data, first = _is_data(numbers, present), first if few else k
         if header is False or (data and not titled):
-            return k if labelled is None else labelled
+            return first
         # Under the header a word may stand beside the numbers of a row.
-        few = data and len(cells) == width and 3 * sum(map(is_name, cells)) < width
-        labelled = (k if labelled is None else labelled) if few else None
+        few = data and len(cells) == width and 3 * words < width
         # A damaged first row is a row, not a header: a header is made of names, or of units.
-        numbers, present = count(cells, decimal)
-        named = titled or numbers == 0 or 2 * sum(map(is_name, cells)) >= present
+        named = titled or numbers == 0 or 2 * words >= present
         if header is None and not (named or _are_units(cells)):
-            return k if labelled is None else labelled
+            return first
     return start
 
 

@@ -258,8 +258,7 @@ def parse_name(text: str, joints: Sequence[str] = ()) -> Name:
         text: The name as the file has it.
         joints: Names of the robot's joints, which are then found wherever they stand.
     """
-    name, index, unit, inside = _brackets(_plain(text))
-    parts = [part for part in _DOTS.split(name) if part.strip()]
+    parts, index, unit, inside = _brackets(_plain(text))
     known = _known_joint([*parts, inside] if inside else parts, joints)
     if known is not None:
         joint, parts = known
@@ -295,8 +294,8 @@ def parse_name(text: str, joints: Sequence[str] = ()) -> Name:
     return _unit_at_the_end(_name(last, parts, joint=joint, unit=unit, index=index))
 
 
-def _brackets(name: str) -> tuple[str, int | None, str, str]:
-    """A name without its brackets; the number, the unit, and any other text in them."""
+def _brackets(name: str) -> tuple[list[str], int | None, str, str]:
+    """The parts of a path without its brackets; the number, the unit, other text in them."""
     index, unit, inside = None, "", ""
     if (match := _UNIT_BEFORE_INDEX.search(name)) and is_unit(match.group(1)):
         # `vel [deg/s] 1`
@@ -316,7 +315,7 @@ def _brackets(name: str) -> tuple[str, int | None, str, str]:
         else:
             inside = text
         name = name[: match.start()].strip().rstrip("_-:")
-    return name, index, unit, inside
+    return [part for part in _DOTS.split(name) if part.strip()], index, unit, inside
 
 
 def _name(
@@ -331,8 +330,7 @@ def split_joint(text: str) -> Name | None:
 
     None where no words of it are a quantity's.
     """
-    name, _, unit, _ = _brackets(_plain(text))
-    parts = [part for part in _DOTS.split(name) if part.strip()]
+    parts, _, unit, _ = _brackets(_plain(text))
     words = plainly(parts[-1]).split("_") if parts else []
     count = len(words)
     splits = [(words[k:], words[:k], words[k]) for k in range(1, count)]
@@ -388,8 +386,7 @@ def _unit_at_the_end(name: Name) -> Name:
         meaning = quantity_of(stem)
         if meaning is None and len(tail) > 1 and not name.unit:
             # `J1_deg`
-            split = replace(name, base=stem, unit=tail)
-            meaning = split.meaning
+            meaning = replace(name, base=stem, unit=tail).meaning
         if meaning is None or (len(tail) == 1 and _ONE_LETTER.get(tail) != meaning[0]):
             continue
         if factor_of(meaning[0], tail) is not None:

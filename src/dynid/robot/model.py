@@ -85,7 +85,7 @@ UNLIMITED = 1e4
 class JointLimits(MotionBounds):
     """Bounds of each joint, joint side; see `MotionBounds`.
 
-    What is finite and beyond `UNLIMITED` is unknown.
+    Finite positions and velocities of `UNLIMITED` or more are unknown.
     """
 
     torque: Array

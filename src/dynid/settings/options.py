@@ -21,8 +21,8 @@ FINITE = sys.float_info.max
 WHOLE: tuple[Any, ...] = (int, int | None)
 SEVERAL: tuple[Any, ...] = (tuple[float, ...], tuple[float, ...] | None)
 NUMERIC: tuple[Any, ...] = (*WHOLE, float, float | None, *SEVERAL)
-"""Annotations of fields that hold a whole number, several numbers, or numbers of any kind."""
 TEXT: tuple[Any, ...] = (str, str | None, str | Path | None)
+"""Annotations of fields that hold a whole number, several, numbers of any kind, or text."""
 Parse = Callable[[str, str], Any]
 """From the text and the name of an option to its value; raises `InputError`."""
 
@@ -54,8 +54,10 @@ class Option:
     @property
     def bounds(self) -> str:
         """Which values are allowed, in words."""
-        if not self.metavar or self.kind in TEXT:
-            return "text" if self.metavar else "True or False"
+        if not self.metavar:
+            return "True or False"
+        if self.kind in TEXT:
+            return "text"
         known = "several finite numbers" if self.kind in SEVERAL else "a finite number"
         known = "a whole number" if self.kind in WHOLE else known
         if self.most < FINITE:

@@ -17,6 +17,7 @@ from dynid.identification import (
     autocorrelation,
     motion_state,
     open_estimate,
+    recorded_rows,
 )
 from dynid.recording import (
     AnyRecording,
@@ -65,17 +66,16 @@ def another_payload(estimate: Estimate, samples: Samples, error: Array) -> Itera
     which a payload has to explain nearly all.
     """
     model, used = estimate.model, np.arange(samples.count)[samples.rows]
-    last = 10 * (model.robot.joints - 1)
+    wanted = list(range(10 * model.robot.joints))[-10:]
     weighted = error.T / estimate.noise[:, None]
     square, cross = np.zeros((STRETCHES, 10, 10)), np.zeros((STRETCHES, 10))
     # Columns of an hour would not fit into memory.
     for k, stretch in enumerate(np.array_split(used, STRETCHES)):
         for first in range(0, len(stretch), CHUNK):
             part = stretch[first : first + CHUNK]
-            wide, inner = samples.surroundings(slice(int(part[0]), int(part[-1]) + 1))
-            stack = model.stack(samples.q[wide], samples.dq[wide], samples.ddq[wide])
-            found = samples.as_recorded(stack[last : last + 10], wide)[..., inner]
-            columns = found / estimate.noise[:, None]
+            rows = slice(int(part[0]), int(part[-1]) + 1)
+            columns, _ = recorded_rows(model, samples, rows, wanted, None)
+            columns /= estimate.noise[:, None]
             square[k] += np.einsum("rjt,sjt->rs", columns, columns)
             cross[k] += np.einsum("rjt,jt->r", columns, weighted[:, part - used[0]])
     scale = np.sqrt(np.maximum(np.diag(square.sum(axis=0)), 1e-300))

@@ -128,10 +128,10 @@ def read_folder(
             continue
         _keep(cache / f"{digest}.npz", outcome, terms)
         found.append(_placed(name, outcome, row))
-    first = {one.signals: one.path for one in sorted(found, key=lambda x: x.path, reverse=True)}
-    copies = [one for one in found if one.path != first[one.signals]]
-    skipped += [(one.path, f"the same recording as {first[one.signals]}") for one in copies]
-    found = [one for one in found if one.path == first[one.signals]]
+    first = {one.signals: one for one in sorted(found, key=lambda x: x.path, reverse=True)}
+    alike = [(one.path, first[one.signals].path) for one in found]
+    skipped += [(own, f"the same recording as {path}") for own, path in alike if own != path]
+    found = list(first.values())
     found.sort(key=lambda one: (one.robot, np.nan_to_num(one.time_s, nan=np.inf), one.path))
     return found, sorted(skipped)
 
@@ -344,9 +344,8 @@ def _cached(path: Path, model: str | None, terms: str) -> FleetRecording | None:
 
 
 def _keep(path: Path, known: FleetRecording, terms: str) -> None:
-    facts = {
-        name: getattr(known, name) for name in ("robot", "model", "mount", "time_s", "signals")
-    }
+    names = ("robot", "model", "mount", "time_s", "signals")
+    facts = {name: getattr(known, name) for name in names}
     more = json.dumps(facts | {"key": _key(known.model, terms)})
     temperature = {"temperature_degC": known.temperature_degC}
     write_arrays(path, {**asdict(known.statistics), **temperature, "facts": more})
