@@ -19,7 +19,7 @@ from dynid.identification.selection.regions import (
     leverage,
     stretches,
 )
-from dynid.identification.selection.scoring import gain_of
+from dynid.identification.selection.scoring import PRIOR_WEIGHTS, gain_of
 from dynid.robot import joints_by_kind
 from dynid.signals import Samples
 
@@ -29,8 +29,6 @@ FEWEST_ROWS = 50
 """Rows at rest or in motion that have quantiles of their own."""
 MOST_ROWS = 20_000
 """Rows that calibrate the intervals: of longer recordings every so manieth."""
-WEAKEST = 1e-8
-"""Weight of the prior for fits without one: left-out parts may leave parameters unseen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,7 +147,8 @@ def assess(
     count = float(blocks.rows[0].sum())
     known = published_prior(problem.base)
     prior = gram.Shrinkage(mean=known.mean, precision=known.precision)
-    strength = (near_weights[-1] if near_weights else WEAKEST) * count
+    # A fit may have no prior; left-out parts may leave parameters unseen.
+    strength = (near_weights[-1] if near_weights else PRIOR_WEIGHTS[0]) * count
     weights = 1.0 / np.maximum(fit.noise, 1e-12)
     fitted = _LeftOut(blocks.merged(keys[0]), weights, prior.times(strength), n)
     timed = _LeftOut(blocks.merged(keys[1]), weights, prior.times(strength), n)
