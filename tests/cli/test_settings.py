@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -50,7 +52,7 @@ def test_python_and_the_command_line_are_held_to_the_same_bounds() -> None:
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"mount": 3}, {"mount": ["wall"]}, {"floor": False}, {"thermal": True}, {"scene": 3}],
+    [{"mount": 3}, {"mount": Path("wall")}, {"floor": False}, {"thermal": True}, {"scene": 3}],
     ids=str,
 )
 def test_values_of_another_type_are_refused(wrong: dict[str, object]) -> None:

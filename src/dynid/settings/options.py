@@ -71,7 +71,7 @@ class Option:
         if not self.metavar:
             return value in (True, False)
         if self.kind in TEXT:
-            return isinstance(value, str | Path)
+            return isinstance(value, self.kind)
         if self.kind in SEVERAL and not isinstance(value, Iterable):
             return False
         several = cast("Iterable[object]", value) if isinstance(value, Iterable) else (value,)
