@@ -76,7 +76,7 @@ class _Collector:
         group.add(self.count, message.stamp_ns, receive_ns, values)
 
     def usual_names(self, joints: int, named: Sequence[str]) -> _Names:
-        """The names in most messages; before them those of so many joints, and with these.
+        """The names of most numbers; before them those of so many joints, and with these.
 
         Raises:
             RecordError: More than half as many are of other joints, as of two arms.
@@ -84,8 +84,9 @@ class _Collector:
 
         def standing(names: _Names) -> tuple[bool, bool, int, int]:
             wanted = {*named} <= {*map(_joint, names)}
-            enough = _positions(names) >= max(joints, 1)
-            return wanted, enough, len(self.groups[names].number), len(names)
+            own = _positions(names)
+            count = own * len(self.groups[names].number)
+            return wanted, own >= max(joints, 1), count, len(names)
 
         best = max(self.groups, key=standing)
         own, (*kind, most, _) = {*map(_joint, best)}, standing(best)
