@@ -113,11 +113,13 @@ def regrouping(
     scaled, scale, _ = _unit_columns(w)
     columns = upper_triangle(scaled)
     base = _first_come(columns, max(tolerance, ROUNDING))
-    clear = _first_come(columns, max(tolerance, WEAK))
-    values = np.linalg.svd(columns, compute_uv=False)
-    # Rounding over the share of a column that hardly differs can look like a direction of its own.
-    if len(clear) in (len(base), (values > tolerance * values[0]).sum()):
-        base = clear
+    rank = _rank(columns, tolerance)
+    # Rounding over the share of a column that hardly differs can look like a direction of its own,
+    # and over those of several in turn like a clear one.
+    clear = [_first_come(columns, max(tolerance, share)) for share in (WEAK, 1e-4, 1e-3, 1e-2)]
+    alike = clear[0] if len(clear[0]) == len(base) else base
+    told = (found for found in clear if len(found) == rank == _rank(columns[:, found], tolerance))
+    base = next(told, alike)
     dependent = [j for j in range(scaled.shape[1]) if j not in base]
     r = len(base)
     upper = upper_triangle(scaled[:, [*base, *dependent]])
@@ -126,6 +128,11 @@ def regrouping(
     k[np.abs(k) < NO_SHARE] = 0.0
     k = k * (scale[dependent][None, :] / scale[base][:, None])
     return tuple(base), tuple(dependent), k
+
+
+def _rank(columns: Array, tolerance: float) -> int:
+    values = np.linalg.svd(columns, compute_uv=False)
+    return int((values > tolerance * values[0]).sum())
 
 
 def _first_come(columns: Array, tolerance: float) -> list[int]:
