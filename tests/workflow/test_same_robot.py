@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dynid import ExperimentRecord, identify, load_robot, verdict
+from dynid import ExperimentRecord, IdentifySettings, identify, load_robot, verdict
 from dynid.bench import Case, recorded, urdf
 from dynid.core import Array
+from dynid.reduction import reduce_model
+from dynid.regressor import InverseDynamicModel
+from dynid.robot import RobotModel
 from dynid.workflow import Identification
 
 SIGNS = np.array([-1.0, 1.0, -1.0, -1.0])
@@ -65,13 +68,14 @@ def pose(rotation: Array, place: Array) -> Array:
     return out
 
 
-def turned_frames(root: ET.Element) -> None:
-    """Frames of links turned anyhow, and shifted along their axes."""
-    draw, before = np.random.default_rng(3), np.eye(4)
+def turned_frames(root: ET.Element, seed: int = 3, alike: bool = False) -> None:
+    """Frames of links turned anyhow (or all alike), and shifted along their axes."""
+    draw, before = np.random.default_rng(seed), np.eye(4)
     for joint, link in parts(root):
         turn = Rotation.from_euler("xyz", words(joint, "origin", "rpy")).as_matrix()
         axis = words(joint, "axis", "xyz")
-        moved = pose(Rotation.random(rng=draw).as_matrix(), draw.uniform(-0.2, 0.2) * axis)
+        own = np.random.default_rng(seed) if alike else draw
+        moved = pose(Rotation.random(rng=own).as_matrix(), draw.uniform(-0.2, 0.2) * axis)
         place = np.linalg.inv(before) @ pose(turn, words(joint, "origin", "xyz")) @ moved
         put(joint, "origin", "xyz", place[:3, 3])
         put(joint, "origin", "rpy", Rotation.from_matrix(place[:3, :3]).as_euler("xyz"))
@@ -102,18 +106,27 @@ def usual(case: Case) -> Identification:
     return identify(made.record, made.robot, validation=made.validation)
 
 
-def written(case: Case, folder: Path, change: str) -> Identification:
-    made = recorded(case)
-    root = ET.fromstring(urdf(case.arm))
+def rewritten(arm: str, folder: Path, change: str) -> RobotModel:
+    root = ET.fromstring(urdf(arm))
     for one in (reversed_axes, turned_frames, heavier):
         if one.__name__ in change:
             one(root)
+    return loaded(root, folder)
+
+
+def loaded(root: ET.Element, folder: Path) -> RobotModel:
     path = folder / "arm.urdf"
     path.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")
+    return load_robot(path)
+
+
+def written(case: Case, folder: Path, change: str) -> Identification:
+    made = recorded(case)
     signs = SIGNS if "reversed_axes" in change else np.ones(made.record.joints)
     scale = SCALE if "heavier" in change else 1.0
     record, other = (later(part, signs, scale) for part in (made.record, made.validation))
-    return identify(record, load_robot(path), validation=other)
+    robot = rewritten(case.arm, folder, change)
+    return identify(record, robot, validation=other)
 
 
 @pytest.mark.parametrize(
@@ -135,3 +148,31 @@ def test_the_same_robot_has_the_same_faults_and_torques(
     scale = SCALE if "heavier" in change else 1.0
     error = np.linalg.norm(after.validation.predicted * signs / scale - expected)
     assert error < SAME * np.linalg.norm(expected)
+
+
+@pytest.mark.parametrize("estimator", ["wls", "bayes"])
+def test_deviations_mean_the_same_in_any_frames(estimator: str, tmp_path: Path) -> None:
+    """A variance raised alone, of base columns whose torques cancel, was one of all torques."""
+    made, settings = recorded(POOR), IdentifySettings(preset="paper", estimator=estimator)
+    draw = np.random.default_rng(0)
+    q, dq, ddq = draw.uniform(-1.0, 1.0, (3, 40, made.robot.joints))
+    torques, deviations = list[Array](), list[Array]()
+    for robot in (made.robot, rewritten(POOR.arm, tmp_path, "turned_frames")):
+        estimate = identify(made.record, robot, settings).estimate
+        columns = estimate.model.stack(q, dq, ddq)[list(estimate.independent)]
+        spread = np.tensordot(estimate.covariance, columns, axes=1)
+        deviations.append(np.sqrt((columns * spread).sum(axis=0)))
+        torques.append(estimate.predict(q, dq, ddq))
+    np.testing.assert_allclose(deviations[1], deviations[0], rtol=SAME)
+    assert np.linalg.norm(torques[1] - torques[0]) < SAME * np.linalg.norm(torques[0])
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_rank_is_the_same_in_any_frames(seed: int, tmp_path: Path) -> None:
+    """Base columns that hardly differ, link after link, made of rounding a parameter."""
+    root = ET.fromstring(urdf(POOR.arm))
+    usual = reduce_model(InverseDynamicModel(robot=loaded(root, tmp_path)))
+    turned_frames(root, seed, alike=True)
+    base = reduce_model(InverseDynamicModel(robot=loaded(root, tmp_path)))
+    assert base.rank == usual.rank == usual.classes.rank
+    assert not base.warnings

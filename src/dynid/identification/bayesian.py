@@ -8,7 +8,7 @@ import numpy as np
 from dynid.core import Array, Mask, inverse_upper, upper_triangle
 from dynid.identification import least_squares
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
-from dynid.identification.statistics import hac_covariance, naive_covariance
+from dynid.identification.statistics import hac_covariance
 from dynid.reduction import BaseParametrization
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import RobotModel, from_pseudo_inertia, move, to_pseudo_inertia
@@ -295,8 +295,10 @@ class BayesianRegression(least_squares.Estimator):
         plain = least_squares.WeightedLeastSquares(prior_gain=1.0).fit(problem)
         completed = inertial_prior(model.robot, model.frames).completed
         relative = COMPLETED if completed else RELATIVE
-        ratios = np.diag(hac_covariance(plain, problem)) / np.diag(naive_covariance(plain))
-        inflation = float(np.median(ratios))
+        # Of the torques: variances of base parameters depend on how link frames lie.
+        torques = plain.information @ hac_covariance(plain, problem) @ plain.information.T
+        level = float(np.mean(np.square(plain.noise * plain.weights)))
+        inflation = float(np.trace(torques)) / len(torques) / level
         factors = joint_factors(problem)
         tempered = plain.weights / np.sqrt(max(inflation, 1.0))
         known = published_prior(problem.base)

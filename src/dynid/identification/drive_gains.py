@@ -373,4 +373,4 @@ def _covariance(
             )
         return scores, residual
 
-    return shared_sandwich(problem, inverse @ inverse.T, scored, lambda rows, together: 1.0)
+    return shared_sandwich(problem, inverse, scored, lambda rows, together: 1.0)

@@ -96,8 +96,8 @@ class AllRows:
     plan: PassPlan
     parts: Indices
     """(N) what each row of the part is left out with."""
-    floor: Array
-    """(r) variances that a model of the noise gives, times the rows."""
+    floor: Array | None
+    """(r, r) root of the covariance by a model of the noise, times the rows; None without one."""
     sums: RowSums
 
     def problem(self, part: IdentificationProblem) -> SummedProblem:
@@ -134,7 +134,8 @@ class AllRows:
         matrix = np.tensordot(np.square(plan.weights), products, axes=1) + prior
         scale = np.sqrt(np.diag(matrix))
         bread = np.linalg.inv(matrix / np.outer(scale, scale)) / np.outer(scale, scale)
-        floor = np.maximum(np.diag(statistics.naive_covariance(fit)), self.floor / self.sums.rows)
+        bread = fit.information @ bread
+        floor = None if self.floor is None else self.floor / np.sqrt(self.sums.rows)
         return statistics.sandwich(fit, bread, self.sums.long_run, self.sums.rows, plan.lag, floor)
 
 
@@ -150,9 +151,9 @@ def plan_pass(part: PreparedFit, rows: int, recordings: Indices | None = None) -
     problem = IdentificationProblem(base=base, samples=samples)
     fit = part.estimator.checked_fit(problem)
     residual = problem.residual(fit.values)
-    floor = np.zeros(base.rank)
+    floor = None
     if least_squares.autocorrelation(residual, 1).max() > statistics.MODEL_CORRELATION:
-        floor = np.diag(statistics.ar_covariance(fit, problem, residual)) * problem.blocks
+        floor = statistics.ar_root(fit, problem, residual) * np.sqrt(problem.blocks)
     used = samples.rows
     every = slice(used.start, used.start + problem.blocks * samples.block, samples.block)
     if recordings is None:

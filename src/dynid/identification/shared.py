@@ -212,7 +212,7 @@ def fit_shared(problem: SharedProblem, *, one_noise: bool = False) -> SharedFit:
     return SharedFit(
         solution=solution,
         noise=noise,
-        covariance=_covariance(problem, solution, 1.0 / noise, naive),
+        covariance=_covariance(problem, solution, 1.0 / noise, inverse),
         naive=naive,
         shares=_shares(factors, 1.0 / noise, own, naive),
     )
@@ -242,7 +242,7 @@ def _noise(factors: Array, solution: SharedSolution, blocks: Array, scale: Array
 
 
 def _covariance(
-    problem: SharedProblem, solution: SharedSolution, weights: Array, naive: Array
+    problem: SharedProblem, solution: SharedSolution, weights: Array, root: Array
 ) -> Array:
     """Sandwich of the Newey-West covariances of the scores, as `statistics.hac_covariance`."""
     records, own = solution.own.shape
@@ -253,7 +253,7 @@ def _covariance(
         local, residual = statistics.scores_of(
             problem.chunks(k), blocks, solution.local(k), weights[k]
         )
-        scores = np.zeros((len(naive), local.shape[1]))
+        scores = np.zeros((len(root), local.shape[1]))
         scores[k * own : (k + 1) * own], scores[records * own :] = local[:own], local[own:]
         return scores, residual
 
@@ -261,26 +261,26 @@ def _covariance(
         used = own * together + len(solution.shared) * rows * together / total
         return rows / max(rows - used / (problem.joints * together), 1.0)
 
-    return shared_sandwich(problem, naive, scored, freedom)
+    return shared_sandwich(problem, root, scored, freedom)
 
 
 def shared_sandwich(
     problem: SharedProblem,
-    naive: Array,
+    root: Array,
     scored: Callable[[int], tuple[Array, Array]],
     freedom: Callable[[int, int], float],
 ) -> Array:
-    """(s, s) covariance from scores of records, never below the naive one (s, s).
+    """(s, s) covariance from scores of records, never below the naive one root root' (s, s).
 
     The scores of records that repeat one motion are added instant by instant: what the model gets
     wrong there is the same in all of them, and says nothing about their difference. `scored` gives
     scores (s, N) and residuals (n, N) of a record, `freedom` the factor of so many rows of so many
     records.
     """
-    long_run = np.zeros_like(naive)
+    long_run = np.zeros_like(root)
     for group in repetitions(problem):
         rows = min(problem.problems[k].blocks for k in group)
-        summed, lag = np.zeros((len(naive), rows)), 1
+        summed, lag = np.zeros((len(root), rows)), 1
         for k in group:
             scores, residual = scored(k)
             rate = problem.problems[k].rate_hz
@@ -288,9 +288,9 @@ def shared_sandwich(
             summed += scores[:, :rows]
         short = 1.0 / max(1.0 - 2.0 * lag / rows, 0.5)
         long_run += freedom(rows, len(group)) * short * statistics.long_run_covariance(summed, lag)
-    payload = np.arange(len(naive) - problem.payload, len(naive))
+    payload = np.arange(len(root) - problem.payload, len(root))
     long_run[payload, payload] += UNKNOWN**-2
-    return statistics.raised(naive @ long_run @ naive, np.diag(naive))
+    return root @ statistics.at_least(root.T @ long_run @ root, 1.0) @ root.T
 
 
 def repetitions(problem: SharedProblem) -> list[list[int]]:

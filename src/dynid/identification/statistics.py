@@ -21,8 +21,11 @@ NEGLIGIBLE = 0.05
 """Correlation at one row below which the noise counts as white."""
 
 
-def ar_covariance(fit: Fit, problem: IdentificationProblem, residual: Array) -> Array:
-    """(r, r) covariance if each joint's noise is AR(1) plus white noise; residuals (n, N)."""
+def ar_root(fit: Fit, problem: IdentificationProblem, residual: Array) -> Array:
+    """(r, r) root G of the covariance G G' if the noise of each joint is AR(1) plus white noise.
+
+    Of residuals (n, N).
+    """
     stride = -(-problem.blocks // MOST_ROWS)
     # In coordinates where the information of these rows is the identity, traces are plain sums.
     inverse = inverse_upper(fit.information) * np.sqrt(stride)
@@ -66,7 +69,8 @@ def ar_covariance(fit: Fit, problem: IdentificationProblem, residual: Array) -> 
         if moved < SETTLED:
             break
     _, spread = _spread(designs, noise, noise.variance * _thinning(noise, stride))
-    return inverse @ spread @ inverse.T
+    values, vectors = np.linalg.eigh(spread)
+    return inverse @ (vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -178,8 +182,6 @@ MIN_LAG_S = 0.3
 MAX_LAG_SHARE = 0.1
 """... and at most over this share of the record."""
 
-UNSEEN = 1e-18
-"""Share of the naive variance below which sums of scores are those of an empty column."""
 MODEL_CORRELATION = 0.2
 """Autocorrelation at one row from which a model of the noise supports the Newey-West sums."""
 
@@ -205,11 +207,10 @@ def hac_covariance(fit: Fit, problem: IdentificationProblem) -> Array:
     if fit.row_weights is not None:
         residual = residual * fit.row_weights
     lag = correlation_lag(residual, problem.rate_hz)
-    floor = np.diag(naive_covariance(fit))
+    floor = None
     if autocorrelation(residual, 1).max() > MODEL_CORRELATION:
-        floor = np.maximum(floor, np.diag(ar_covariance(fit, problem, residual)))
-    inverse = inverse_upper(fit.information)
-    bread, long_run = inverse @ inverse.T, long_run_covariance(scores, lag)
+        floor = ar_root(fit, problem, residual)
+    bread, long_run = inverse_upper(fit.information).T, long_run_covariance(scores, lag)
     return sandwich(fit, bread, long_run, problem.blocks, lag, floor)
 
 
@@ -235,26 +236,41 @@ def scores_of(
     return scores, residual
 
 
-def sandwich(fit: Fit, bread: Array, long_run: Array, rows: int, lag: int, floor: Array) -> Array:
+def sandwich(
+    fit: Fit, bread: Array, long_run: Array, rows: int, lag: int, floor: Array | None
+) -> Array:
     """(r, r) covariance from the long-run covariance of the scores.
 
-    `bread` (r, r) is the inverse information for the weights of the scores, `long_run` (r, r) from
-    `long_run_covariance` over so many rows a joint and so many lags. No variance lies below `floor`
-    (r).
+    `bread` (r, r) is the fit's information root times the inverse information for the weights of
+    the scores, `long_run` (r, r) from `long_run_covariance` over so many rows a joint and so many
+    lags. No combination of parameters has a variance below the naive one, or that of a root `floor`
+    (r, r).
     """
-    covariance = bread @ long_run @ bread
     # Bartlett weights and fitted residuals both shrink S; the classical corrections restore it.
     freedom = rows / max(rows - len(fit.values) / len(fit.noise), 1.0)
     short = 1.0 / max(1.0 - 2.0 * lag / rows, 0.5)
-    covariance *= freedom * short
+    scores = long_run * freedom * short
     if fit.score_covariance is not None:
-        covariance += bread @ fit.score_covariance @ bread
+        scores = scores + fit.score_covariance
     # Sums over few independent stretches fall short: never below the parametric answers.
-    # What no torque depends on has the variance of the prior: no scores, no sums to raise.
-    unseen = np.diag(covariance) <= UNSEEN * floor
-    covariance[unseen, :] = covariance[:, unseen] = 0.0
-    covariance[unseen, unseen] = floor[unseen]
-    return raised(covariance, floor)
+    white = at_least(bread @ scores @ bread.T, float(np.mean(np.square(fit.noise * fit.weights))))
+    if floor is not None:
+        values, vectors = np.linalg.eigh(white)
+        root = vectors * np.sqrt(values)
+        part = (vectors / np.sqrt(values)).T @ (fit.information @ floor)
+        white = root @ at_least(part @ part.T, 1.0) @ root.T
+    inverse = inverse_upper(fit.information)
+    return inverse @ white @ inverse.T
+
+
+def at_least(matrix: Array, least: float) -> Array:
+    """A symmetric matrix (r, r) with no eigenvalue below `least`.
+
+    Raised one by one, variances of base parameters depend on link frames: where base columns hardly
+    differ, their torques cancel, and no more where one of them is raised alone.
+    """
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
+    return (vectors * np.maximum(values, least)) @ vectors.T
 
 
 def raised(covariance: Array, floor: Array) -> Array:
