@@ -326,7 +326,8 @@ class TotalLeastSquares(Estimator):
 
     From the singular vector of [W tau] with the smallest singular value (Golub and Van Loan
     1980; Gautier, Vandanjon and Presse 1994 for robots). It presumes errors of equal size in
-    all scaled columns, which robots do not have: a yardstick, not a recommendation.
+    all scaled columns, which robots do not have, and whose scales depend on how link frames lie:
+    a yardstick, not a recommendation.
     """
 
     name: ClassVar[str] = "tls"
