@@ -385,13 +385,19 @@ def test_a_visitor_edits_an_empty_scene(
     visit.errors.clear()
     # Its arrow is dragged.
     until(lambda: visit.app("app.view.handle && app.view.handle.position[1]") == 0.1, visit)
-    x, y = visit.app("app.view.project(app.view.arrows()[2].to)")
-    box = visit.page.locator("#over").bounding_box()
-    visit.page.mouse.move(box["x"] + x, box["y"] + y)
-    visit.page.mouse.down()
-    visit.page.mouse.move(box["x"] + x, box["y"] + y - 30, steps=3)
-    visit.page.mouse.up()
-    until(lambda: editor.items[1]["position"][2] > 0.11, visit)
+
+    def dragged() -> bool:
+        # Once more where the picture moved between the look and the press.
+        x, y = visit.app("app.view.project(app.view.arrows()[2].to)")
+        box = visit.page.locator("#over").bounding_box()
+        visit.page.mouse.move(box["x"] + x, box["y"] + y)
+        visit.page.mouse.down()
+        visit.page.mouse.move(box["x"] + x, box["y"] + y - 30, steps=3)
+        visit.page.mouse.up()
+        visit.page.wait_for_timeout(500)
+        return editor.items[1]["position"][2] > 0.11
+
+    until(dragged, visit)
     assert editor.items[1]["position"][0] == 0.9
     check_that_a_shape_stays_where_it_was_let_go(visit, page)
     # A place that is answered after the scene was saved does not take that news away.
