@@ -204,6 +204,16 @@ def test_streams_that_are_closed_fail_no_job() -> None:
     assert done.returncode == 0
 
 
+def test_a_stderr_that_nobody_reads_changes_no_exit_code() -> None:
+    there, here = os.pipe()
+    os.close(there)
+    done = subprocess.run(
+        [sys.executable, "-m", "dynid", "check", "none.json"], stderr=here, check=False
+    )
+    os.close(here)
+    assert done.returncode == 2
+
+
 def test_a_terminal_that_closes_fails_no_job(monkeypatch: pytest.MonkeyPatch) -> None:
     """A whole recording had exit code 1, where the terminal closed and SIGHUP was ignored."""
     there, here = os.openpty()

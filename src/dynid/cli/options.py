@@ -248,14 +248,14 @@ def exit_code_of(job: Callable[[], int]) -> int:
     return code
 
 
-class _Terminal(io.FileIO):
-    """A terminal that may close: what nobody can read any more does not end the job."""
+class _Unread(io.FileIO):
+    """A terminal, or stderr, that may close: what nobody can read any more does not end the job."""
 
     def write(self, data: Any, /) -> int | None:
         try:
             return super().write(data)
         except OSError as error:
-            if error.errno != errno.EIO:
+            if error.errno not in (errno.EIO, errno.EPIPE):
                 raise
             return len(data)
 
@@ -266,8 +266,8 @@ def guard_streams() -> None:
         # None where the parent closed it; the next file opened would get its descriptor.
         stream = getattr(sys, name) or open(os.devnull, "w")  # noqa: SIM115
         setattr(sys, name, stream)
-        if isinstance(stream, io.TextIOWrapper) and stream.isatty():
-            raw = _Terminal(stream.fileno(), "w", closefd=False)
+        if isinstance(stream, io.TextIOWrapper) and (stream is sys.__stderr__ or stream.isatty()):
+            raw = _Unread(stream.fileno(), "w", closefd=False)
             stream = io.TextIOWrapper(
                 io.BufferedWriter(raw), encoding=stream.encoding, line_buffering=True
             )
