@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import struct
 import subprocess
 import sys
@@ -203,6 +204,21 @@ def test_a_program_that_was_started_between_two_passes_runs_on(
         assert seen.number(seen.packages[-1], "runtime_state") == 2
         port.send(STOP_PROGRAM)
         seen.wait_for(lambda row: seen.number(row, "runtime_state") == 1)
+
+
+def test_what_is_loaded_is_not_collected_while_the_arm_moves(controller: RunningController) -> None:
+    """A collection of all objects took 0.09 s, the watchdog waits for 0.1 s."""
+    loaded: list[list[int]] = [[] for _ in range(200_000)]
+    looked_at: list[int] = []
+
+    class Counting(ListRecorder):
+        def append(self, t, signals, channels=None) -> None:
+            if not looked_at:
+                looked_at.append(len(gc.get_objects()))
+
+    UrDriver(inspect(controller.host)).execute(gentle_execution(1), Counting())
+    assert looked_at[0] < len(loaded)
+    assert len(gc.get_objects()) > len(loaded)
 
 
 def test_another_run_follows_a_stop(controller: RunningController) -> None:

@@ -1,5 +1,6 @@
 """UR robots: the controller evaluates the motion, or follows streamed set points."""
 
+import gc
 import threading
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
@@ -123,7 +124,13 @@ class RtdeDriver(Driver):
 
         # A check before the first pass knows nothing of what was started between two.
         require_free(host)
-        return self.move(execution, wish, record)
+        # To collect all that is loaded takes as long as the watchdog waits: before, not meanwhile.
+        gc.collect()
+        gc.freeze()
+        try:
+            return self.move(execution, wish, record)
+        finally:
+            gc.unfreeze()
 
 
 class UrDriver(RtdeDriver):
