@@ -391,8 +391,10 @@ def test_what_is_neither_is_refused(objects: Given) -> None:
         dynid.simulate_recording(objects.robot, 3)
     with pytest.raises(dynid.InputError, match="not an estimate or its file"):
         dynid.MomentumObserver(estimate=objects.record)  # type: ignore[arg-type]
-    with pytest.raises(dynid.InputError, match="settings of a design name files"):
-        dynid.DesignSettings(previous=(objects.record,))
+    wrongs: list[dict[str, Any]] = [{"previous": (objects.record,)}, {"previous": 3}, {"scene": 3}]
+    for wrong in wrongs:
+        with pytest.raises(dynid.InputError, match="settings of a design name files"):
+            dynid.DesignSettings(**wrong)
 
 
 def test_a_trajectory_of_ones_own_is_checked_and_run_beside_a_robot(tmp_path: Path) -> None:

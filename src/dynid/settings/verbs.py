@@ -234,9 +234,10 @@ class DesignSettings(LimitSettings):
 
     def __post_init__(self) -> None:
         if self.scene is not None:
-            object.__setattr__(self, "scene", str(Path(self.scene).absolute()))
+            object.__setattr__(self, "scene", _names((self.scene,), "scene")[0])
         for name in ("motions", "previous", "mesh_dirs"):
-            object.__setattr__(self, name, _names(getattr(self, name), name))
+            if (given := getattr(self, name)) is not None:
+                object.__setattr__(self, name, _names(given, name))
         check_options(self)
         least = 1 if self.trajectory in ("bspline", "points") else 2
         if not least <= self.order <= MOST_HARMONICS:
@@ -301,13 +302,11 @@ class DesignSettings(LimitSettings):
         return asdict(told) | {"method": word_of(self.method)}
 
 
-def _names(paths: Sequence[object] | None, setting: str) -> tuple[str, ...] | None:
+def _names(paths: Any, setting: str) -> tuple[str, ...]:
     """Paths as text, which JSON holds, and absolute: `dynid run --until` may be elsewhere."""
-    if paths is None:
-        return None
-    given = [paths] if isinstance(paths, str | Path) else paths
+    several = hasattr(paths, "__iter__") and not isinstance(paths, str)
     found: list[str] = []
-    for path in given:
+    for path in paths if several else (paths,):
         if not isinstance(path, str | Path):
             raise InputError(
                 "settings of a design name files",
