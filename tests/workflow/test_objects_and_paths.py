@@ -395,6 +395,9 @@ def test_what_is_neither_is_refused(objects: Given) -> None:
     for wrong in wrongs:
         with pytest.raises(dynid.InputError, match="settings of a design name files"):
             dynid.DesignSettings(**wrong)
+    for wrong in ({"harmonics": ""}, {"harmonics": [5]}, {"jobs": None}, {"rate_hz": "x"}):
+        with pytest.raises(dynid.InputError, match=r"harmonics|jobs|rate_hz"):
+            dynid.DesignSettings(**wrong)
 
 
 def test_a_trajectory_of_ones_own_is_checked_and_run_beside_a_robot(tmp_path: Path) -> None:

@@ -72,15 +72,16 @@ class Option:
             return value in (True, False)
         if self.kind in TEXT:
             return isinstance(value, self.kind)
-        if self.kind in SEVERAL and not isinstance(value, Iterable):
+        if self.kind not in SEVERAL:
+            value = (value,)
+        if isinstance(value, str | bytes) or not isinstance(value, Iterable):
             return False
-        several = cast("Iterable[object]", value) if isinstance(value, Iterable) else (value,)
         number = Integral if self.kind in WHOLE else Real
         return all(
             not isinstance(one, bool)
             and isinstance(one, number)
             and self.least <= cast("float", one) <= self.most
-            for one in several
+            for one in cast("Iterable[object]", value)
         )
 
     def read(self, given: Any) -> Any:

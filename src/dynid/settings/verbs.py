@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -248,7 +249,7 @@ class DesignSettings(LimitSettings):
                 limit=f"{least} to {MOST_HARMONICS}",
             )
         for name, value in {"--jobs": self.jobs, "rate_hz": self.rate_hz}.items():
-            if not value > 0:
+            if not (isinstance(value, Real) and value > 0):
                 raise InputError("must be positive", where=name, value=value, limit="above 0")
 
     @property
@@ -356,7 +357,7 @@ class RunSettings(SceneSettings):
     """Of the simulated noise."""
 
     def __post_init__(self) -> None:
-        given = self.accept_unjudged
+        given = self.accept_unjudged or ()
         kinds: Sequence[str] = [given] if isinstance(given, str) else given
         kinds = tuple(kind.replace("-", "_") for kind in kinds)
         object.__setattr__(self, "accept_unjudged", kinds)
