@@ -194,3 +194,6 @@ def test_grids_are_poses_and_slow_samples_of_motions_are_none() -> None:
     t = np.arange(200)[:, None] / 10.0
     assert not are_poses(np.sin(2 * np.pi * t * [0.3, 1.0, 1.2]))
     assert not are_poses(1e-3 * np.random.default_rng(0).normal(size=(100, 6)))
+    # A slow motion, 500 times a second and to three digits, steps by one of the last at most.
+    slow = np.sin(2 * np.pi * np.arange(2000)[:, None] / 500.0 * [0.03, 0.05, 0.02])
+    assert not are_poses(np.round(slow, 3))

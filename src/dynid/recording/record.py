@@ -315,6 +315,9 @@ JUMPS, LARGEST = 1.0, 0.05
 largest differences, two and a share, which gaps may be."""
 AWAY, LEAST_POSES = 0.05, 8
 """Range of a joint in which poses differ [rad or m], and the fewest poses that are told."""
+APART = 0.02
+"""... and by which share of it they do from one to the next: a slow motion that is written coarsely
+changes by its last digit alone."""
 
 
 def are_poses(q: Array) -> bool:
@@ -326,4 +329,4 @@ def are_poses(q: Array) -> bool:
     share = q[:, away] / ranges[away]
     squares = (np.square(np.diff(share, n=n, axis=0)).sum(axis=1) for n in (1, 2))
     first, second = (np.sort(s)[: int((1 - LARGEST) * len(s)) - 2].mean() for s in squares)
-    return bool(second > JUMPS * first)
+    return bool(first > APART**2 and second > JUMPS * first)
