@@ -11,6 +11,7 @@ from dynid.bench import Case, Judged, Plant, Recorded, arm, plant, recorded, run
 from dynid.diagnosis import Recording, findings_of, link_prior
 from dynid.diagnosis.residual import fits, presliding_of, reference
 from dynid.diagnosis.whole_signals import whole_signals
+from dynid.recording import ExperimentRecord
 from dynid.robot import RobotModel
 from dynid.signals import process
 
@@ -153,6 +154,24 @@ def test_an_arm_with_little_friction_is_not_one_whose_friction_was_compensated(
     assert "friction_compensated" not in {f.kind for f in found}
     told = {f.severity for f in found if f.kind == "hardly_any_friction"}
     assert told == ({"info"} if scale < 1.0 else set())
+
+
+def test_where_joints_jog_at_one_speed_no_friction_drives() -> None:
+    """Columns that are alike there cancel each other; together they brake."""
+    real = plant(arm("ur5"), 1)
+    n, step = real.robot.joints, 0.008
+    legs = np.arange(4 * n)
+    s = np.arange(250) / 250
+    shape = np.clip(np.minimum(s, 0.8 - s) / 0.08, 0.0, 1.0)
+    one_by_one = np.eye(n)[legs % n] * np.where(legs // n % 2, -0.5, 0.5)[:, None]
+    dq = (one_by_one[:, None] * shape[:, None]).reshape(-1, n)
+    q = np.array([0.2, -1.2, 1.0, -0.6, 0.8, 0.1]) + np.cumsum(dq, axis=0) * step
+    rigid = real.torque(q, dq, np.gradient(dq, step, axis=0))
+    draw = np.random.default_rng(1)
+    torque = rigid + real.friction(dq, rigid, step) + real.torque_noise * draw.normal(size=q.shape)
+    signals = {"q": q, "qd": dq + 1e-3 * draw.normal(size=q.shape), "effort": torque}
+    record = ExperimentRecord(t=np.arange(len(q)) * step, signals=signals)
+    assert not {f.kind for f in findings_of(record, real.robot) if f.severity != "info"}
 
 
 @pytest.mark.parametrize(("fault", "seed"), [("flexibility", 1), ("payload", 7)])

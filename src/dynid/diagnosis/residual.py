@@ -150,6 +150,10 @@ SHAPES, STEPPED = 8, 6
 not grow with speed: they stand first."""
 FOLLOW = (2, 4, 5)
 """Places of those with the quicker displacement."""
+FRICTION_KINDS = (0, 2, 6, 7)
+"""First places of those that turn round with the velocity, that do so over a distance, that push
+one way, that grow with speed, after which the viscous one counts. Those of a kind are hardly told
+apart where a joint turns at one speed both ways: large ones cancel each other."""
 
 
 def _parts(rec: Recording, inertial: Array) -> Iterator[tuple[slice, Array]]:
