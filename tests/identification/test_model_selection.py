@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,11 +11,11 @@ import pytest
 import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from known_robot import NOISE, recording, ur5
+from known_robot import NOISE, recording, torques, ur5
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
-from dynid import identify
+from dynid import identify, verdict
 from dynid.core import Array, InputError
 from dynid.identification import (
     CENTRE_SPREAD_M,
@@ -53,6 +54,7 @@ from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import RobotModel, load_robot
 from dynid.signals import process
+from dynid.trajectory import random_excitation
 from dynid.workflow import IdentifySettings
 from dynid.workflow.identify import gains_nothing
 
@@ -284,6 +286,37 @@ def test_an_estimate_carries_left_out_errors_models_and_intervals(tmp_path: Path
         result.estimate.half_width(q, zero, zero, level=1.5)
     with pytest.raises(InputError, match="no torque intervals"):
         replace(result.estimate, assessment=None).half_width(q, zero, zero)
+
+
+def test_slower_motions_are_expected_to_err_as_slow_parts_of_the_recording_do(
+    tmp_path: Path,
+) -> None:
+    """Friction that turns round more slowly than the model's, on a motion a third as fast."""
+    run = recording(0, seconds=20.0, noise=0.2, width=0.1)
+    result = identify(run, ur5(), IdentifySettings(preset="paper"))
+    series = random_excitation(ur5().limits, seed=3, period_s=100.0)
+    t = np.arange(1000) / 10.0
+    slow, told = series.evaluate(t), result.estimate.assessment
+    assert told is not None
+    error = result.estimate.predict(slow.q, slow.dq, slow.ddq) - torques(series, t, 0.1)
+    true = np.sqrt(np.square(error).mean(axis=0))
+    square, doubt = told.squares_at(slow.dq)
+    expected = np.sqrt(square - np.square(told.noise_floor))
+    np.testing.assert_allclose(expected, true, rtol=0.2)
+    assert (told.anywhere**2 - told.noise_floor**2 < (0.95 * true) ** 2).all()
+    assert (doubt > 0).all()
+    assert "at 1/10 of the speed the model error is" in verdict(result).prediction.reason
+    write_estimate(result.estimate, tmp_path / "e.json")
+    read = read_estimate(tmp_path / "e.json").assessment
+    assert read is not None
+    np.testing.assert_array_equal(read.squares_at(slow.dq), told.squares_at(slow.dq))
+    # Of before 0.2, no speeds are told apart.
+    data = json.loads((tmp_path / "e.json").read_text())
+    del data["assessment"]["by_speed"]
+    (tmp_path / "e.json").write_text(json.dumps(data))
+    read = read_estimate(tmp_path / "e.json").assessment
+    assert read is not None
+    np.testing.assert_allclose(read.squares_at(slow.dq), [told.anywhere**2, np.zeros(6)])
 
 
 def test_the_noise_floor_leaves_out_what_changes_slowly() -> None:

@@ -187,7 +187,7 @@ def test_the_share_within_the_intervals_is_told_joint_by_joint() -> None:
     )  # fmt: skip
     judged = Assessment(
         anywhere=each, this_motion=each, noise_floor=each, torque=each, models=(), pays=None,
-        interval=interval,
+        interval=interval, by_speed=np.zeros((2, 6, 8)),
     )  # fmt: skip
     known = replace(estimate(), assessment=judged)
     wrong = record()

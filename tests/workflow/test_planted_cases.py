@@ -136,6 +136,7 @@ def test_a_heavy_slide_does_not_hide_the_joints_that_it_carries() -> None:
             root=np.zeros((len(result.estimate.values), 1)), sigma=torque, scale=torque,
             slowest=1e-3 * torque, quantiles=np.ones((2, len(torque), 6)), averaged=0 * torque,
         ),
+        by_speed=np.zeros((2, len(torque), 8)),
     )  # fmt: skip
     assert left_out.expected_error_percent < 2.0
     alone = replace(result, validation=None)

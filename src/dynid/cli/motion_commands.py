@@ -225,7 +225,9 @@ def run_command(
     until: Annotated[
         float | None,
         ask.option(
-            "PERCENT", "Design, run and identify in turn, until this torque error is reached."
+            "PERCENT",
+            "Design, run and identify in turn, until this torque error is reached at the speeds of "
+            "the motions that the design is for.",
         ),
     ] = None,
     json: ask.JsonFlag = False,

@@ -8,6 +8,7 @@ from dynid.diagnosis.explain import Explanation as Explanation
 from dynid.diagnosis.explain import explain as explain
 from dynid.diagnosis.prior import link_prior as link_prior
 from dynid.diagnosis.residual import Recording as Recording
+from dynid.diagnosis.verdict import SLOWER as SLOWER
 from dynid.diagnosis.verdict import USELESS_PREDICTION as USELESS_PREDICTION
 from dynid.diagnosis.verdict import Answer as Answer
 from dynid.diagnosis.verdict import Verdict as Verdict

@@ -18,6 +18,8 @@ USELESS_PREDICTION = 40.0
 """[%] from which it is none."""
 MATTERS = 3.0
 """[%] of error beyond noise below which a fault of the inputs has done no harm."""
+SLOWER = 10.0
+"""Motions so many times slower have an error of their own: friction at low speed."""
 POOR_SHARE = 0.5
 """Share of parameters that may be uncertain by more than half of their value."""
 LEVELS = {"yes": "usable", "limits": "care", "no": "do_not_use"}
@@ -99,6 +101,7 @@ def judge(
     pays: bool | None = None,
     obstacle: str = "",
     whole_percent: float | None = None,
+    slow_percent: float | None = None,
 ) -> Verdict:
     """Judge an identification.
 
@@ -113,6 +116,8 @@ def judge(
         pays: Identified inertias predict better than published ones; None where none are.
         obstacle: Why the model cannot be exported to a simulator; empty where it can.
         whole_percent: The error on another motion with its rests.
+        slow_percent: Error of the model `SLOWER` times slower, over the same torque; None where
+            another motion was predicted.
     """
     errors = [f for f in findings if f.severity == "error"]
     faults = [f for f in findings if f.severity == "warning" and f.code in FAULTS]
@@ -121,7 +126,7 @@ def judge(
     impossible = [f for f in findings if f.code == "not_physical"]
     errors_percent = (expected_percent, whole_percent)
     noises = (noise_percent, resolution_percent)
-    prediction = _prediction(errors_percent, noises, confirmed, wrong, faults, poor)
+    prediction = _prediction(errors_percent, noises, slow_percent, confirmed, wrong, faults, poor)
     return Verdict(
         prediction=prediction,
         parameters=_parameters([*wrong, *faults], poor, impossible, uncertain_share, pays),
@@ -137,6 +142,7 @@ def with_rests(moving: str, whole: str) -> str:
 def _prediction(
     errors: tuple[float | None, float | None],
     noises: tuple[float, float],
+    slow: float | None,
     confirmed: bool,
     wrong: list[Finding],
     faults: list[Finding],
@@ -151,7 +157,7 @@ def _prediction(
         return Answer(answer=answer, reason=reason)
     told = float(np.sqrt(max(expected**2 - noise**2, 0.0)))
     beyond = max(told, hidden)
-    others = "such motions" if poor else "other motions no faster than this one"
+    others = "such motions" if poor else "other motions as fast as this one"
     what = "another motion's torques" if confirmed else f"torques of {others}"
     says = "predicts" if confirmed else "is expected to predict"
     known = min(noise, expected)
@@ -159,6 +165,8 @@ def _prediction(
     of = f"of {beyond:.1f} % (their squares add)" if told >= hidden else f"below {beyond:.1f} %"
     parts = f"noise of {known:.1f} % and a model error {of}"
     text = f"it {says} {what} to {shown}, from {parts}"
+    if slow is not None and slow > beyond:
+        text += f"; at 1/{SLOWER:g} of the speed the model error is {slow:.1f} % of this torque"
     if beyond > USELESS_PREDICTION or (poor and beyond > GOOD_PREDICTION):
         reason = f"{text}; {poor[0].text}" if poor else text
         return Answer(answer="no", reason=reason, value=beyond, unit="%", limit=USELESS_PREDICTION)

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from dynid import recording
-from dynid.core import Finding, InputError, Progress, Value, Workers, one_thread, plain, told
-from dynid.diagnosis import USELESS_PREDICTION, Verdict, diagnose, judge
+from dynid.core import Array, Finding, InputError, Progress, Value, Workers, one_thread, plain, told
+from dynid.diagnosis import SLOWER, USELESS_PREDICTION, Verdict, diagnose, judge
 from dynid.export import simulator_obstacle
 from dynid.figures import joint_unit
-from dynid.identification import Estimate, fit_estimate
+from dynid.identification import Assessment, Estimate, fit_estimate
 from dynid.robot import RobotLike, RobotModel, joints_by_kind, load_robot, with_carried
 from dynid.settings import IdentifySettings
 from dynid.signals import window
@@ -48,9 +48,10 @@ class Accuracy:
     expected_percent: float
     """What the designs of its recordings promise together; NaN where none does."""
     found_percent: float
-    """On what was left out."""
+    """On what was left out; at the speeds of the motions that the model is for, if asked."""
     bound_percent: float
-    """What it stays below with 95 % probability: noise hides errors in short recordings."""
+    """What it stays below with 95 % probability: noise hides errors in short recordings, and they
+    differ from stretch to stretch."""
     noise_percent: float
     """The part that falls with time, on the motions that the model is for; NaN if not asked."""
     left_out: str
@@ -80,10 +81,13 @@ class Accuracy:
 
     def describe(self) -> str:
         """One sentence."""
-        found = f"{self.found_percent:.2g} % on left-out {self.left_out}"
+        where = f"on left-out {self.left_out}"
+        if not math.isnan(self.noise_percent):
+            where += " at the speeds of the motions that the model is for"
+        found = f"{self.found_percent:.2g} % {where}"
         found += f" (there below {self.bound_percent:.2g} % with 95 % probability)"
-        if self.left_out == "regions":
-            found += ", other motions may err more"
+        if math.isnan(self.noise_percent):
+            found += ", slower motions may err more"
         if math.isnan(self.expected_percent):
             return f"Torque error beyond noise: {found}"
         return f"Torque error beyond noise: {found}; by the design: {self.expected_percent:.2g} %"
@@ -92,32 +96,54 @@ class Accuracy:
 def accuracy(
     estimate: Estimate,
     records: Sequence[recording.AnyRecording],
+    dq: Array,
     motions: Sequence[JointMotion] = (),
 ) -> Accuracy | None:
     """Expected beside found, by an estimate from all of the records; None where not assessed.
 
-    Without motions, which the model is for, the noise's part is left out.
+    Args:
+        estimate: The estimate.
+        records: What it was identified from.
+        dq: (N, n) velocities there [rad/s or m/s].
+        motions: What the model is for; without any the recorded motion counts, and the noise's
+            part is left out.
     """
     told = estimate.assessment
     if told is None:
         return None
     promises = [_promised(r) for r in records]
-    parts: list[tuple[float, float]] = []
+    square, power = np.square(told.anywhere), np.square(told.torque)
+    doubt, variance = told.squares_at(dq)[1], np.full(len(power), np.nan)
+    if motions:
+        square, doubt, power, variance = np.mean([_on(estimate, told, m) for m in motions], axis=0)
+    parts = [(math.nan,) * 3]
     for joints in joints_by_kind(estimate.model.robot.prismatic).values():
+        if not power[joints].any():
+            continue
         noise = told.noise_floor[joints]
-        left = max(float(np.square(told.anywhere[joints]).sum() - np.square(noise).sum()), 0.0)
-        spread = math.sqrt(UNSURE * float(np.power(noise, 4).sum()) / estimate.samples)
-        size = max(float(np.linalg.norm(told.torque[joints])), 1e-12)
-        parts.append((math.sqrt(left) / size, math.sqrt(left + CONFIDENCE * spread) / size))
-    found, most = (100 * max(each) for each in zip(*parts, strict=True))
+        left = max(float(square[joints].sum() - np.square(noise).sum()), 0.0)
+        white = math.sqrt(UNSURE * float(np.power(noise, 4).sum()) / estimate.samples)
+        most = left + CONFIDENCE * max(white, float(doubt[joints].sum()))
+        parts.append((left, most, float(variance[joints].sum())) / power[joints].sum())
+    found, most, noise = 100 * np.sqrt(np.fmax.reduce(parts))
     return Accuracy(
         # Variances of independent recordings add as their inverses.
         expected_percent=float(np.sum(np.power(promises, -2.0)) ** -0.5) if promises else math.nan,
-        found_percent=found,
-        bound_percent=most,
-        noise_percent=_noise_percent(estimate, motions),
+        found_percent=float(found),
+        bound_percent=float(most),
+        noise_percent=float(noise),
         left_out="regions" if len(records) == 1 else "recordings",
     )
+
+
+def _on(estimate: Estimate, told: Assessment, motion: JointMotion) -> Array:
+    """(4, n) of a motion: square error at its speeds, its standard error, square torque, noise."""
+    states = motion.q, motion.dq, motion.ddq
+    stack = estimate.model.stack(*states)[list(estimate.independent)]
+    spread = np.tensordot(estimate.covariance, stack, axes=1)
+    variance = np.maximum((stack * spread).sum(axis=(0, 2)) / len(motion.q), 0.0)
+    torque = np.square(estimate.predict(*states)).mean(axis=0)
+    return np.stack([*told.squares_at(motion.dq), torque, variance])
 
 
 def _promised(record: recording.AnyRecording) -> float:
@@ -132,21 +158,6 @@ def _promised(record: recording.AnyRecording) -> float:
     lasted = (ends[-1] - ends[0]) * record.samples / steps
     # The noise of a run that was stopped is averaged over less.
     return percent * math.sqrt(max(period * periods / max(lasted, 1e-9), 1.0))
-
-
-def _noise_percent(estimate: Estimate, motions: Sequence[JointMotion]) -> float:
-    """RMS deviation of predicted torques by the covariance of the parameters, over the torque."""
-    n = estimate.model.robot.joints
-    variance, power = np.zeros(n), np.zeros(n)
-    for motion in motions:
-        stack = estimate.model.stack(motion.q, motion.dq, motion.ddq)[list(estimate.independent)]
-        spread = np.tensordot(estimate.covariance, stack, axes=1)
-        variance += (stack * spread).sum(axis=(0, 2)) / len(motion.q)
-        torque = estimate.predict(motion.q, motion.dq, motion.ddq)
-        power += np.square(torque).mean(axis=0)
-    kinds = joints_by_kind(estimate.model.robot.prismatic).values()
-    shares = [max(variance[k].sum(), 0.0) / power[k].sum() for k in kinds if power[k].any()]
-    return 100 * math.sqrt(max(shares)) if shares else math.nan
 
 
 OVER_FITTED = 1.6
@@ -256,7 +267,7 @@ def identify(
             training=training,
             validation=result,
             warnings=tuple(warnings),
-            accuracy=accuracy(estimate, several),
+            accuracy=accuracy(estimate, several, training.dq),
         )
 
 
@@ -344,11 +355,12 @@ def verdict(result: Identification) -> Verdict:
     judged = other if confirmed and other is not None else result.training
     slides = estimate.model.robot.prismatic
     errors = deciding_errors(judged.measured, judged.predicted, judged.moves, slides)
-    expected, whole, noise = None, None, errors.noise
+    expected, whole, noise, slow = None, None, errors.noise, None
     if confirmed:
         expected, whole = errors.moving, errors.whole
     elif estimate.assessment is not None:
         expected, noise = estimate.assessment.deciding_percent(slides)
+        slow = estimate.assessment.model_percent(result.training.dq / SLOWER, slides)
     elif not errors.moving <= USELESS_PREDICTION:
         found = errors.moving
         expected = found if np.isfinite(found) else USELESS_PREDICTION + found
@@ -364,4 +376,5 @@ def verdict(result: Identification) -> Verdict:
         pays=None if estimate.assessment is None else estimate.assessment.pays,
         obstacle=simulator_obstacle(estimate),
         whole_percent=whole,
+        slow_percent=slow,
     )

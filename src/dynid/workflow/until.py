@@ -1,8 +1,9 @@
 """`dynid run --until PERCENT`: design, run and identification in turn, until the model is good.
 
 Each round adds a motion that tells most beside what is recorded already, so that every recording
-is predicted by a model of the others. The rounds end when the error that is found there is small
-enough, or when a run ten times as long would not make it so.
+is predicted by a model of the others. The rounds end when the error that is found there, at the
+speeds of the motions that the model is for, is small enough, or when a run ten times as long would
+not make it so.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -135,7 +136,8 @@ def run_until(
             beside the recordings as `OUTPUT_2_design.json` and so on. One in memory is written to
             `OUTPUT_design.json`.
         output: The first recording, `*.parquet`; further ones are `OUTPUT_2.parquet` and so on.
-        percent: Torque error on what was left out, over the RMS torque [%].
+        percent: Torque error to expect on the motions that the design is for, over the RMS torque
+            there [%].
         on: `sim` or `ur://HOST`.
         settings: How to run each of them.
         identification: How to identify.
@@ -196,7 +198,7 @@ def run_until(
         with interruptible():
             several = open_several(records, stored.robot)
             result = identify(several, stored.robot, identification, progress=progress)
-            told = accuracy(result.estimate, several, motions)
+            told = accuracy(result.estimate, several, result.training.dq, motions)
         rounds.append(Round(design=place, run=run, accuracy=told))
         if told is None:
             raise JobError(

@@ -12,6 +12,7 @@ from dynid.identification.least_squares import Fit
 from dynid.identification.problem import IdentificationProblem
 from dynid.identification.selection import gram
 from dynid.identification.selection.regions import (
+    BLOCKS,
     LEVELS,
     SLOWEST,
     TorqueInterval,
@@ -29,6 +30,11 @@ FEWEST_ROWS = 50
 """Rows at rest or in motion that have quantiles of their own."""
 MOST_ROWS = 20_000
 """Rows that calibrate the intervals: of longer recordings every so manieth."""
+SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
+"""Bounds of the bands of speed, in shares of a joint's top speed: friction is known least where a
+joint hardly moves, and another motion may be slow for longer."""
+MEAN_ROWS = 10.0
+"""Rows that the error at all speeds counts as in each band."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +57,25 @@ class Assessment(Value):
     """Whether identifying the inertias lowers the errors, by more than their standard error;
     None where none are published."""
     interval: TorqueInterval
+    by_speed: Array
+    """(2, n, B) mean square error on what was left out in the bands of `SPEEDS`, and its standard
+    error [(N.m)^2 or N^2]."""
+
+    def squares_at(self, dq: Array) -> Array:
+        """(2, n) mean square error to expect at velocities (N, n), and its standard error.
+
+        [(N.m)^2 or N^2]; what raises the error in one band may raise it in all.
+        """
+        bands = _bands(np.abs(dq.T), self.interval.slowest)
+        errors = [self.by_speed[:, j, own].mean(axis=1) for j, own in enumerate(bands)]
+        return np.stack(errors, axis=1)
+
+    def model_percent(self, dq: Array, prismatic: Sequence[bool]) -> float:
+        """That error beyond noise over the RMS torque, of the kind of joints that errs more [%]."""
+        left, torque = self.squares_at(dq)[0] - np.square(self.noise_floor), np.square(self.torque)
+        kinds = joints_by_kind(prismatic).values()
+        shares = (left[joints].sum() / max(float(torque[joints].sum()), 1e-18) for joints in kinds)
+        return 100.0 * float(np.sqrt(max(0.0, *shares)))
 
     @property
     def expected_error_percent(self) -> float:
@@ -88,6 +113,7 @@ class Assessment(Value):
             "models": [{"name": name, "rms": rms.tolist()} for name, rms in self.models.items()],
             "identification_pays": self.pays,
             "interval": self.interval.to_json(),
+            "by_speed": {"bounds": list(SPEEDS), "square_errors": self.by_speed.tolist()},
         }
 
 
@@ -100,14 +126,19 @@ def assessment_from_json(data: dict[str, Any]) -> Assessment:
     interval = {key: array(rows) for key, rows in data["interval"].items() if key != "levels"}
     # Files of before 0.2 know no noise of single samples.
     interval.setdefault("averaged", np.zeros_like(interval["sigma"]))
+    anywhere = array(data["left_out_rms"]["anywhere"])
+    # Nor do they tell speeds apart.
+    same = np.tile(np.square(anywhere)[:, None], len(SPEEDS) + 1)
+    by_speed = data.get("by_speed", {"square_errors": [same, 0.0 * same]})
     return Assessment(
-        anywhere=array(data["left_out_rms"]["anywhere"]),
+        anywhere=anywhere,
         this_motion=array(data["left_out_rms"]["this_motion"]),
         noise_floor=array(data["noise_floor"]),
         torque=array(data["torque_rms"]),
         models={str(model["name"]): array(model["rms"]) for model in data["models"]},
         pays=data["identification_pays"],
         interval=TorqueInterval(**interval),
+        by_speed=array(by_speed["square_errors"]),
     )
 
 
@@ -177,6 +208,7 @@ def assess(
             averaged=_averaged(samples, floor),
             **_calibrated(this_motion, part, error, lever, moves),
         ),
+        by_speed=_by_speed(np.square(error), _bands(speed[:, index], slowest)),
     )
 
 
@@ -313,6 +345,28 @@ def _averaged(samples: Samples, floor: Array) -> Array:
     single = samples.noise is not None
     mean = np.square(floor) / (samples.block if single else 1)
     return np.sqrt(samples.periods * within + (samples.periods - 1.0) * mean)
+
+
+def _bands(speed: Array, slowest: Array) -> Indices:
+    """(n, N) which band of `SPEEDS` speeds (n, N) lie in, by that from which a joint moves (n)."""
+    shares = SLOWEST * speed / slowest[:, None]
+    return np.searchsorted(np.array(SPEEDS), shares, side="right")
+
+
+def _by_speed(square: Array, bands: Indices) -> Array:
+    """(2, n, B) means of squares (n, M) by band, and what stretches of time make unsure of them."""
+    count = len(SPEEDS) + 1
+    cells = stretches(square.shape[1]) * count
+    found = np.empty((2, len(square), count))
+    for j, (values, own) in enumerate(zip(square, bands, strict=True)):
+        rows, sums = (
+            np.bincount(cells + own, each, BLOCKS * count).reshape(BLOCKS, count) + extra / BLOCKS
+            for each, extra in ((None, MEAN_ROWS), (values, MEAN_ROWS * values.mean()))
+        )
+        mean = sums.sum(axis=0) / rows.sum(axis=0)
+        apart = BLOCKS / (BLOCKS - 1) * np.square(sums - rows * mean).sum(axis=0)
+        found[:, j] = mean, np.sqrt(apart) / rows.sum(axis=0)
+    return found
 
 
 def _calibrated(
