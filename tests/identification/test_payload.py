@@ -100,6 +100,20 @@ def test_a_bias_that_both_runs_share_cancels() -> None:
     assert abs(alone.mass - 1.0) > 3 * abs(with_bias.mass - plain.mass)
 
 
+def test_periods_of_one_motion_tell_no_more_where_they_are_many() -> None:
+    """What a model gets wrong is the same in each period: copies of one add no information."""
+    runs = [recorded(4, None), recorded(4, body(1.0, (0.01, 0.02, 0.05)))]
+
+    def repeated(record: ExperimentRecord, times: int) -> ExperimentRecord:
+        signals = {k: np.tile(v, (times, 1)) for k, v in record.signals.items()}
+        t = np.arange(times * record.samples) / record.rate_hz
+        return ExperimentRecord(t=t, signals=signals)
+
+    few, many = (identify_payload(*(repeated(r, k) for r in runs), ROBOT) for k in (3, 9))
+    ratio = many.std / few.std
+    assert 0.75 < ratio.min() < ratio.max() < 1.1
+
+
 def test_a_gain_that_is_off_moves_the_payload_within_its_deviations() -> None:
     runs = [recorded(4, None), recorded(4, body(2.0, (0.01, 0.02, 0.05)))]
     off = np.ones(6)

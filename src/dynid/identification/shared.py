@@ -18,6 +18,7 @@ from dynid.identification.estimate import Estimate
 from dynid.identification.fitting import EstimateSource, judged
 from dynid.identification.problem import IdentificationProblem, triangles
 from dynid.reduction import BaseParametrization
+from dynid.signals import find_period
 
 INERTIAS = ("Im", "Imm")
 """Columns after the links' that belong to the robot, not to its friction."""
@@ -273,24 +274,32 @@ def shared_sandwich(
     """(s, s) covariance from scores of records, never below the naive one root root' (s, s).
 
     The scores of records that repeat one motion are added instant by instant: what the model gets
-    wrong there is the same in all of them, and says nothing about their difference. `scored` gives
-    scores (s, N) and residuals (n, N) of a record, `freedom` the factor of so many rows of so many
-    records.
+    wrong there is the same in all of them, and says nothing about their difference. So are those
+    of the periods of a record. `scored` gives scores (s, N) and residuals (n, N) of a record,
+    `freedom` the factor of so many rows of so many records.
     """
     long_run = np.zeros_like(root)
     for group in repetitions(problem):
         rows = min(problem.problems[k].blocks for k in group)
-        summed, lag = np.zeros((len(root), rows)), 1
+        period = min(_period(problem.problems[group[0]]), rows)
+        summed, lag = np.zeros((len(root), -(-rows // period) * period)), 1
         for k in group:
             scores, residual = scored(k)
             rate = problem.problems[k].rate_hz
-            lag = max(lag, statistics.correlation_lag(residual, rate, below_white=True))
-            summed += scores[:, :rows]
-        short = 1.0 / max(1.0 - 2.0 * lag / rows, 0.5)
-        long_run += freedom(rows, len(group)) * short * statistics.long_run_covariance(summed, lag)
+            lag = max(lag, statistics.correlation_lag(residual, rate, period, below_white=True))
+            summed[:, :rows] += scores[:, :rows]
+        once = summed.reshape(len(root), -1, period).sum(axis=1)
+        short = 1.0 / max(1.0 - 2.0 * lag / period, 0.5)
+        long_run += freedom(rows, len(group)) * short * statistics.long_run_covariance(once, lag)
     payload = np.arange(len(root) - problem.payload, len(root))
     long_run[payload, payload] += UNKNOWN**-2
     return root @ statistics.at_least(root.T @ long_run @ root, 1.0) @ root.T
+
+
+def _period(record: IdentificationProblem) -> int:
+    """Rows of a period of the motion, all where it has none."""
+    period_s = find_period(record.samples.q, record.samples.rate_hz)
+    return record.blocks if period_s is None else round(period_s * record.rate_hz)
 
 
 def repetitions(problem: SharedProblem) -> list[list[int]]:
