@@ -218,6 +218,18 @@ def test_spikes_are_dropped_whatever_their_size() -> None:
         np.testing.assert_allclose(record.signals["q"], MOTION.position(times(record)), atol=1e-4)
 
 
+def test_spikes_of_torques_that_reach_beyond_their_range_are_dropped_though_many() -> None:
+    """Smaller ones, as many, may be torques that are rough by nature."""
+    rng = np.random.default_rng(5)
+    rows = rng.choice(np.arange(5, 1495, 10), 45, replace=False)
+    for size, dropped in ((0.5, 0), (20.0, 45)):
+        current = raw().signals["current"].copy()
+        current[rows, rng.integers(0, 6, 45)] += size * rng.choice([-1.0, 1.0], 45)
+        record = run(signals(raw(), current=current))
+        assert record.metadata.dropped_rows == dropped
+        assert codes(record) == ["corrupt_rows"] * bool(dropped)
+
+
 @pytest.mark.parametrize("row", [0, 1, 2, 1497, 1498, 1499])
 def test_spikes_at_the_ends_are_dropped(row: int) -> None:
     table = raw()

@@ -10,7 +10,8 @@ from dynid.recording.table import TORQUE_SOURCES, RawTable, Rows, rows_with
 _SHARE = 0.05
 """Spikes on more rows than this are noise: reported, kept."""
 _ROUGH = 0.005
-"""Torques that stand out on more rows than this are rough by nature."""
+"""Torques that stand out on more rows than this are rough by nature, but for what is beyond their
+usual range."""
 _MOST_CANDIDATES = 0.15
 _SMOOTH = 0.2
 _BLOCK = 64
@@ -38,7 +39,8 @@ def drop_spikes(table: RawTable) -> RawTable:
         if quantity in ("q", "target_q"):
             heights = _without_late_readings(value, heights)
         elif quantity in TORQUE_SOURCES and rows_with(heights > 0).mean() > _ROUGH:
-            continue
+            low, high = np.quantile(value, [0.01, 0.99], axis=0)
+            heights = np.where(heights > high - low, heights, 0.0)
         for joint in np.flatnonzero(heights.any(axis=0)).tolist():
             first = int(np.argmax(heights[:, joint] > 0))
             found.append(
