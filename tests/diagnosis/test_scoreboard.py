@@ -156,6 +156,23 @@ def test_an_arm_with_little_friction_is_not_one_whose_friction_was_compensated(
     assert told == ({"info"} if scale < 1.0 else set())
 
 
+def test_rows_that_are_sampled_early_or_late_are_no_slow_clock() -> None:
+    """Their accelerations are mostly noise, of which a slower clock leaves less."""
+    made = recorded(Case(arm="ur5", motion="fourier", rate_hz=50.0, duration_s=10.0, seed=1))
+    t, draw = made.record.t, np.random.default_rng(1)
+    sampled = t + 0.3 * 0.02 * draw.normal(size=len(t))
+    signals = {
+        name: np.column_stack([np.interp(sampled, t, column) for column in value.T])
+        for name, value in made.record.signals.items()
+    }
+    found = findings_of(ExperimentRecord(t=t, signals=signals), made.robot)
+    assert not {f.kind for f in found if f.severity != "info"}
+    # Between gaps nothing is left by a narrower filter.
+    kept = t % 2.0 < 1.7
+    parts = {name: value[kept] for name, value in signals.items()}
+    assert findings_of(ExperimentRecord(t=t[kept], signals=parts), made.robot) is not None
+
+
 def test_where_joints_jog_at_one_speed_no_friction_drives() -> None:
     """Columns that are alike there cancel each other; together they brake."""
     real = plant(arm("ur5"), 1)

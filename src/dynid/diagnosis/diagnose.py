@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynid.core import Array, Finding
+from dynid.core import Array, Finding, InputError
 from dynid.diagnosis.events import (
     REVERSAL,
     Contact,
@@ -56,8 +56,8 @@ MOST_TOUCHED = 0.3
 """Share of a recording that contacts may take before something else is the cause."""
 WIDER = 2.0
 """Factor between cut-offs of the motion that are tried."""
-WORTH_WIDER = 0.02
-"""Share by which a wider one must lower the errors of a joint."""
+WORTH_ANOTHER = 0.02
+"""Share by which another one must lower the errors of a joint."""
 SAMPLES = 64
 """Fewer are not diagnosed."""
 MOST_JOINTS = 12
@@ -210,21 +210,28 @@ def _whole_motion(
 
     Where friction turns round, servos swing faster than what they were told: without these
     accelerations torques are left that look like those of gears that bend. Their noise hides what
-    bends, so that little is not worth it.
+    bends, so that little is not worth it. Of rows that were sampled a part of a step early or late
+    accelerations are mostly noise, of which a slower clock would leave less.
     """
 
     def left(samples: Samples) -> float:
         ref = reference(recording_of(robot, samples).fast(), prior)
         return float(0.5 * np.log(np.square(ref.left(fits(ref)[1])).mean(axis=1) + 1e-18).mean())
 
-    least = left(samples)
-    while True:
-        wider = process(record, robot, replace(plain, cutoff_hz=WIDER * samples.cutoff_hz))
-        if wider.cutoff_hz < 1.01 * samples.cutoff_hz:
-            return samples
-        if (now := left(wider)) > least - WORTH_WIDER:
-            return samples
-        samples, least = wider, now
+    least, first = left(samples), samples
+    for factor in (WIDER, 1 / WIDER):
+        while True:
+            try:
+                other = process(record, robot, replace(plain, cutoff_hz=factor * samples.cutoff_hz))
+            except InputError:  # A narrower one reaches from gap to gap.
+                break
+            same = abs(other.cutoff_hz / samples.cutoff_hz - 1) < 0.01
+            if same or other.count < SAMPLES or (now := left(other)) > least - WORTH_ANOTHER:
+                break
+            samples, least = other, now
+        if samples is not first:
+            break
+    return samples
 
 
 def _torque_scale(recording: Recording, prior: tuple[Array, Array]) -> float:
