@@ -301,9 +301,11 @@ def test_slower_motions_are_expected_to_err_as_slow_parts_of_the_recording_do(
     error = result.estimate.predict(slow.q, slow.dq, slow.ddq) - torques(series, t, 0.1)
     true = np.sqrt(np.square(error).mean(axis=0))
     square, doubt = told.squares_at(slow.dq)
+    # Friction that turns round is no noise.
+    np.testing.assert_allclose(told.noise_floor, 0.2 * NOISE, rtol=0.1)
     expected = np.sqrt(square - np.square(told.noise_floor))
     np.testing.assert_allclose(expected, true, rtol=0.2)
-    assert (told.anywhere**2 - told.noise_floor**2 < (0.95 * true) ** 2).all()
+    assert np.linalg.norm(told.anywhere) < 0.75 * np.linalg.norm(true)
     assert (doubt > 0).all()
     assert "at 1/10 of the speed the model error is" in verdict(result).prediction.reason
     write_estimate(result.estimate, tmp_path / "e.json")

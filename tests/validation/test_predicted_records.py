@@ -8,7 +8,7 @@ import pytest
 from known_arm import RATE, estimate, record, samples, samples_without_torque
 
 from dynid.core import InputError
-from dynid.identification.selection.assessment import Assessment
+from dynid.identification import Assessment
 from dynid.identification.selection.regions import TorqueInterval
 from dynid.recording import ExperimentRecord
 from dynid.robot import Counterbalance, load_robot

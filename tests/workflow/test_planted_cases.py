@@ -10,7 +10,7 @@ import pytest
 import dynid
 from dynid.bench import Case
 from dynid.bench import recorded as bench_recorded
-from dynid.identification.selection.assessment import Assessment
+from dynid.identification import Assessment
 from dynid.identification.selection.regions import TorqueInterval
 from dynid.robot import with_mount
 from dynid.validation import deciding_errors, metrics

@@ -33,6 +33,9 @@ MOST_ROWS = 20_000
 SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 """Bounds of the bands of speed, in shares of a joint's top speed: friction is known least where a
 joint hardly moves, and another motion may be slow for longer."""
+FAST = 0.1
+"""Share of a joint's top speed from which friction no longer turns round from row to row, which
+looks like noise."""
 MEAN_ROWS = 10.0
 """Rows that the error at all speeds counts as in each band."""
 
@@ -190,7 +193,8 @@ def assess(
     speed = np.abs(samples.dq[samples.rows][:: samples.block][: problem.blocks].T)
     slowest = SLOWEST * np.maximum(np.percentile(speed, 99, axis=1), 1e-9)
     precision = strength * known.precision
-    index, error, lever, floor = _rows(problem, fitted, regions, root, precision)
+    fast = SLOWEST * speed > FAST * slowest[:, None]
+    index, error, lever, floor = _rows(problem, fitted, regions, root, precision, fast)
     floor = this_motion if floor is None else np.minimum(floor, this_motion)
     # Of each row that is left out: its part, and whether its joint moves.
     part, moves = regions[index], (speed > slowest[:, None])[:, index]
@@ -303,10 +307,12 @@ def _rows(
     regions: Indices,
     root: Array,
     precision: Array,
+    fast: Mask,
 ) -> tuple[Indices, Array, Array, Array | None]:
     """Rows left out: which (M) they are, errors [N.m or N] and leverages (n, M) without their part.
 
-    And the noise (n) that no motion explains [N.m or N]; None where rows were skipped.
+    And the noise (n) that no motion explains [N.m or N], the smaller one of all rows and of `fast`
+    ones (n, N); None where rows were skipped.
     """
     step, extra = -(-problem.blocks // MOST_ROWS), root[:, len(root) :]
     roots: list[Array] = [
@@ -315,7 +321,8 @@ def _rows(
     ]
     index: Indices = np.arange(0, problem.blocks, step, dtype=np.intp)
     error, lever = np.empty((2, problem.samples.joints, len(index)))
-    bends = np.zeros(problem.samples.joints)
+    counted = np.stack([np.ones_like(fast), fast | ~fast.any(axis=1, keepdims=True)])
+    bends = np.zeros(counted.shape[:2])
     for rows, columns, torque in problem.chunks():
         part = slice(*np.searchsorted(index, (rows.start, rows.stop)))
         where = regions[index[part]]
@@ -326,10 +333,11 @@ def _rows(
             error[:, here] = tau - np.tensordot(values, x, axes=1)
             lever[:, here] = leverage(roots[int(k)], x)
         # Second differences: the torque of a motion hardly bends from row to row.
-        bends += np.square(np.diff(error[:, part], n=2, axis=1)).sum(axis=1) / 6.0
+        squares = np.square(np.diff(error[:, part], n=2, axis=1)) / 6.0
+        bends += (squares * counted[..., index[part][1:-1]]).sum(axis=2)
     floor = problem.samples.noise
     if floor is None and step == 1:
-        floor = np.sqrt(bends / max(problem.blocks, 1))
+        floor = np.sqrt((bends / counted.sum(axis=2)).min(axis=0))
     return index, error, lever, floor
 
 
