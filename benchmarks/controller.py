@@ -120,7 +120,7 @@ def runs(seconds: float) -> None:
         print(f"in process, CPU time:      {10 * periods / used:6.1f} x real (asked 20)")
         records: list[ExperimentRecord] = []
         for virtual in (True, False):
-            report = Path(folder) / "report.json"
+            report = Path(folder) / f"report_{'virtual' if virtual else 'real'}.json"
             words = {"virtual_time": virtual, "hold": True, "report": report}
             with controller_process("ur5", **words) as controller:
                 begin, cpu = time.perf_counter(), time.process_time()
