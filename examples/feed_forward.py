@@ -11,7 +11,8 @@ estimate = dynid.identify(record, robot).estimate
 
 motion = motions[1].evaluate(task.t)
 measured = task.signals["current"] * robot.drives.gain
-feed_forward = estimate.predict(motion.q, motion.dq, motion.ddq)
+presliding = estimate.model.friction_state(motion.q)
+feed_forward = estimate.predict(motion.q, motion.dq, motion.ddq, presliding)
 gravity = estimate.predict(motion.q, 0 * motion.dq, 0 * motion.ddq)
 for name, given in (("nothing", 0 * measured), ("gravity", gravity), ("all", feed_forward)):
     left = np.sqrt(np.mean((measured - given) ** 2, axis=0))

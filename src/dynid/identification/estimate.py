@@ -204,8 +204,9 @@ class Estimate(Value):
     ) -> Array | TorquePrediction:
         """Joint torques (N, n) [N.m or N], each argument (N, n); with intervals if asked for.
 
-        Samples stand for themselves. Those of a motion, in the order of time, show presliding
-        friction as well, with `state` (n, N) from `InverseDynamicModel.friction_state`.
+        Samples stand for themselves. For those of a motion, in the order of time, give the `state`
+        (n, N) of presliding friction, `estimate.model.friction_state(q)`: without it slow motions
+        err by several times as much (a UR5: 17 % of the torque for 4.6 %).
 
         Raises:
             InputError: Not numbers, or shapes that do not fit the robot or each other.
