@@ -85,8 +85,8 @@ ASIDE ?= nice -n 19
 # Three processes, each of which collects its own folders alone, for two processors: the second
 # waits for servers and browsers. Workers of pytest-xdist would collect all folders each. Each share
 # takes a third of the CPU time.
-share-1 := $(addprefix tests/,identification recording robot workflow) urtwin/tests
-share-2 := $(addprefix tests/,cli drivers studio)
+share-1 := $(addprefix tests/,identification robot workflow)
+share-2 := $(addprefix tests/,cli drivers studio recording) urtwin/tests
 SHARES := share-1 share-2 share-3
 
 share-1 share-2: develop chromium
