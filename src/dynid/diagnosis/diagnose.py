@@ -18,7 +18,7 @@ from dynid.diagnosis.events import (
 from dynid.diagnosis.explain import Explained, Explanation, explain
 from dynid.diagnosis.hypotheses import COUPLED, LEAST_DELAY_S
 from dynid.diagnosis.prior import link_prior
-from dynid.diagnosis.residual import FRICTION_KINDS, ROWS, SHAPES, Recording, fits, reference
+from dynid.diagnosis.residual import ROWS, SHAPES, Recording, fits, reference, undriven
 from dynid.recording import ExperimentRecord, at_limit
 from dynid.robot import RobotModel
 from dynid.signals import ProcessingSettings, Samples, process
@@ -27,13 +27,13 @@ CLOCKS_DIFFER = 0.005
 """Share by which time and velocities may disagree."""
 LEAST_RIPPLE = 0.005
 """Amplitude of a ripple over the joint's torque limit, or its largest torque."""
-DRIVEN = (0.4, 0.2)
-"""What the driving kinds of friction are at least of the braking ones, and of the joint's torque.
+DRIVEN, LITTLE = 0.045, 0.1
+"""Share of the friction that the best friction that only brakes leaves at least, and of the torque
+below which there is none to be driven.
 
-Friction only brakes: fits of it leave up to 0.17 (11 parts of real recordings, 28 simulated), where
-joints jog at one speed up to 0.46 and 0.2 of the torque (both in three of 42). What a controller
-takes off turns round with the velocity, and friction over a distance, so that both are seen: 0.42
-and 0.23 or more (54 simulated)."""
+Friction that only brakes leaves up to 0.038 where joints jog at one speed, and 0.01 elsewhere, real
+arms 0.03. What a controller takes off turns round with the velocity, and friction over a distance:
+0.05 to 0.16 is left, of joints that jog at one speed 0.004 to 0.05 (medians over the joints)."""
 NO_FRICTION = (0.03, 0.6)
 """Braking torque over the torque limit, and over the torque, that few gears stay below."""
 NEAR_ZERO = 0.01
@@ -451,18 +451,23 @@ def _kind_of_torque(explained: Explained, limit: Array) -> list[Finding]:
     dq = rec.average(rec.dq.T)
     way = np.maximum(np.abs(dq).sum(axis=1), 1e-300)
     torque = np.maximum(np.sqrt(np.square(rec.tau).mean(axis=0)), 1e-300)
-    driven: list[tuple[float, float]] = []
+    error = ref.left(explained.values)
+    driven: list[float] = []
     left: list[tuple[float, float]] = []
     # Slides may have no gears, and friction of a joint that stands still is not seen.
     turns: list[int] = np.flatnonzero(~np.array(rec.robot.prismatic) & travels(rec.q)).tolist()
     for j in turns:
         own = [*range(ref.shapes.start + j, ref.shapes.stop, count), 10 * n + j]
-        each = explained.values[own] * (ref.columns[own, j] @ dq[j]) / way[j]
-        power: Array = np.add.reduceat(each, FRICTION_KINDS)
-        drives, brakes = (float(np.maximum(sign * power, 0.0).sum()) for sign in (-1, 1))
-        driven.append((drives / max(brakes, 1e-300), drives / float(torque[j])))
-        left.append(((brakes - drives) / float(limit[j]), (brakes - drives) / float(torque[j])))
-    if driven and bool((np.median(driven, axis=0) > DRIVEN).all()):
+        columns = rec.measured(ref.columns[own])[:, j]
+        powers: Array = ref.columns[own, j] @ dq[j] / way[j]
+        power = float(explained.values[own] @ powers)
+        left.append((power / float(limit[j]), power / float(torque[j])))
+        friction = explained.values[own] @ columns
+        beside = rec.measured(ref.columns[[11 * n + j]])[:, j]
+        now = undriven(columns, powers, beside, error[j] + friction)
+        size = max(float(friction @ friction), LITTLE**2 * float(ref.torque[j] @ ref.torque[j]))
+        driven.append(float(np.sqrt(now / max(size, 1e-300))))
+    if driven and np.median(driven) > DRIVEN:
         text = "friction has been taken off the torques: part of what is left of it drives the arm"
         return [Finding("friction_compensated", text)]
     if left and bool((np.median(left, axis=0) < NO_FRICTION).all()):

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dynid.core import Array, Mask
+from dynid.core import Array, Mask, scipy_part
 from dynid.regressor import (
     CHUNK,
     FrictionTerms,
@@ -150,7 +150,7 @@ SHAPES, STEPPED = 8, 6
 not grow with speed: they stand first."""
 FOLLOW = (2, 4, 5)
 """Places of those with the quicker displacement."""
-FRICTION_KINDS = (0, 2, 6, 7)
+_FRICTION_KINDS, _PUSHES = (0, 2, 6, 7), 6
 """First places of those that turn round with the velocity, that do so over a distance, that push
 one way, that grow with speed, after which the viscous one counts. Those of a kind are hardly told
 apart where a joint turns at one speed both ways: large ones cancel each other."""
@@ -283,6 +283,35 @@ def presliding_of(ref: Reference, values: Array, counts: Array) -> Array:
     # A real Panda that shows little of its friction had false faults with whichever fits best.
     costs[0] -= WORTH_ANOTHER
     return np.array(QUICK)[costs.argmin(axis=0)]
+
+
+def undriven(columns: Array, powers: Array, beside: Array, torque: Array) -> float:
+    """Square of what friction of which every kind brakes leaves of a torque (T), beyond any other.
+
+    As much as noise makes of it counts as none. Large parts of kinds that are hardly told apart
+    cancel each other: what each of them is tells nothing.
+
+    Args:
+        columns: (SHAPES + 1, T) columns of friction.
+        powers: (SHAPES + 1) their powers.
+        beside: (m, T) columns that may be anything.
+        torque: The torque.
+    """
+    rows, lowest = columns.copy(), np.full(len(columns) + len(beside), -np.inf)
+    for first, stop in pairwise((*_FRICTION_KINDS, len(columns))):
+        if first != _PUSHES:
+            # The power of a kind takes the place of its first column.
+            rows[first] /= powers[first]
+            rows[first + 1 : stop] -= powers[first + 1 : stop, None] * rows[first]
+            lowest[first] = 0.0
+    rows = np.concatenate([rows, beside])
+    rows /= np.sqrt(np.square(rows).sum(axis=1, keepdims=True)) + 1e-300
+    solve = scipy_part("optimize").lsq_linear
+    braking, free = (
+        2 * float(solve(rows.T, torque, bounds=(low, np.inf)).cost) for low in (lowest, -np.inf)
+    )
+    by_chance = free * len(_FRICTION_KINDS) / max(len(torque) - len(rows), 1)
+    return max(braking - free - by_chance, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
