@@ -206,6 +206,21 @@ def test_where_joints_jog_at_one_speed_no_friction_drives(of: str, ramp: float) 
     assert "friction_compensated" not in {f.kind for f in found}
 
 
+def test_what_a_joint_shows_once_is_explained() -> None:
+    """Joints jog in any order: a part that is left out has all that one of them shows."""
+    real = plant(arm("sliding"), 3)
+    n, step = real.robot.joints, 0.008
+    legs = np.random.default_rng(3).integers(n, size=2 * n)
+    turns = (np.eye(n)[legs].cumsum(axis=0)[np.arange(2 * n), legs]) % 2
+    s = np.arange(250) / 250
+    shape = np.clip(np.minimum(s, 0.8 - s) / 0.08, 0.0, 1.0)
+    speed = 0.06 * real.robot.limits.velocity[legs] * np.where(turns, 1, -1)
+    to = np.eye(n)[legs] * speed[:, None]
+    dq = (to[:, None] * (shape**2 * (3 - 2 * shape))[:, None]).reshape(-1, n)
+    q = np.array([0.0, 0.0, 0.0, -1.5]) + (np.cumsum(dq, axis=0) - dq / 2) * step
+    assert findings_of(_measured(real, q, dq, step), real.robot) == ()
+
+
 def test_of_noise_no_friction_drives() -> None:
     """Joints without friction: what is left of their torques is noise."""
     real = plant(arm("heavy"), 52)

@@ -27,13 +27,13 @@ CLOCKS_DIFFER = 0.005
 """Share by which time and velocities may disagree."""
 LEAST_RIPPLE = 0.005
 """Amplitude of a ripple over the joint's torque limit, or its largest torque."""
-DRIVEN, LITTLE = 0.045, 0.1
-"""Share of the friction that the best friction that only brakes leaves at least, and of the torque
-below which there is none to be driven.
+DRIVEN, BY_CHANCE = 0.04, 10.0
+"""Share of the friction that the best friction that only brakes leaves at least, and variances of
+the noise that it leaves of each joint then: noise makes half as many of it.
 
-Friction that only brakes leaves up to 0.038 where joints jog at one speed, and 0.01 elsewhere, real
-arms 0.03. What a controller takes off turns round with the velocity, and friction over a distance:
-0.05 to 0.16 is left, of joints that jog at one speed 0.004 to 0.05 (medians over the joints)."""
+Friction that only brakes leaves up to 0.02, also where joints jog at one speed, real arms 0.036.
+What a controller takes off turns round with the velocity, and friction over a distance: 0.043 to
+0.16 is left, of joints that jog at one speed 0.004 to 0.05."""
 NO_FRICTION = (0.03, 0.6)
 """Braking torque over the torque limit, and over the torque, that few gears stay below."""
 NEAR_ZERO = 0.01
@@ -387,11 +387,11 @@ def _signals(
         step = "record measured torques or currents"
         found.insert(0, Finding("commanded", text, next_step=step))
     found += kinds
-    noise = np.square(np.diff(rec.average(error.T), axis=1)).mean(axis=1) / 2
-    left = np.square(explained.left)
-    if touched:
-        # The model does not have to explain contacts.
-        left = np.square(error[~rows_of(touched, rec.t)]).mean(axis=0)
+    rows = rec.measured(rec.average(error.T))
+    # The model does not have to explain contacts.
+    free = rec.average(rows_of(touched, rec.t).astype(np.float64)) == 0.0
+    noise = np.square(np.diff(rows, axis=1)).mean(axis=1) / 2
+    left = np.square(rows[:, free]).mean(axis=1)
     beyond = np.maximum(left - noise, 0.0)
     share = float(np.sqrt(beyond.sum() / np.square(torque).sum()))
     if share > UNEXPLAINED:
@@ -452,22 +452,24 @@ def _kind_of_torque(explained: Explained, limit: Array) -> list[Finding]:
     way = np.maximum(np.abs(dq).sum(axis=1), 1e-300)
     torque = np.maximum(np.sqrt(np.square(rec.tau).mean(axis=0)), 1e-300)
     error = ref.left(explained.values)
-    driven: list[float] = []
+    driven, all_friction = 0.0, 0.0
     left: list[tuple[float, float]] = []
     # Slides may have no gears, and friction of a joint that stands still is not seen.
     turns: list[int] = np.flatnonzero(~np.array(rec.robot.prismatic) & travels(rec.q)).tolist()
     for j in turns:
         own = [*range(ref.shapes.start + j, ref.shapes.stop, count), 10 * n + j]
-        columns = rec.measured(ref.columns[own])[:, j]
+        columns = rec.measured(ref.columns[[*own, 11 * n + j]])[:, j]
         powers: Array = ref.columns[own, j] @ dq[j] / way[j]
-        power = float(explained.values[own] @ powers)
+        power, friction = (
+            float(explained.values[own] @ powers),
+            explained.values[own] @ columns[:-1],
+        )
         left.append((power / float(limit[j]), power / float(torque[j])))
-        friction = explained.values[own] @ columns
-        beside = rec.measured(ref.columns[[11 * n + j]])[:, j]
-        now = undriven(columns, powers, beside, error[j] + friction)
-        size = max(float(friction @ friction), LITTLE**2 * float(ref.torque[j] @ ref.torque[j]))
-        driven.append(float(np.sqrt(now / max(size, 1e-300))))
-    if driven and np.median(driven) > DRIVEN:
+        # In variances of the noise: of joints whose torque is mostly noise little can be told.
+        noise = max(float(np.square(error[j]).mean()), 1e-300)
+        driven += undriven(columns, powers, error[j] + friction) / noise
+        all_friction += float(friction @ friction) / noise
+    if driven > max(DRIVEN**2 * all_friction, BY_CHANCE * len(turns)):
         text = "friction has been taken off the torques: part of what is left of it drives the arm"
         return [Finding("friction_compensated", text)]
     if left and bool((np.median(left, axis=0) < NO_FRICTION).all()):

@@ -12,7 +12,6 @@ from dynid.diagnosis.hypotheses import (
     Undo,
     drops,
     hypotheses,
-    left_out,
     score,
 )
 from dynid.diagnosis.prior import link_prior, with_payload
@@ -92,8 +91,6 @@ class Explained:
     """With all that was found undone."""
     values: Array
     """(p) its parameters."""
-    left: Array
-    """(n) RMS error that it leaves in blocks left out [N.m or N]."""
 
 
 def explain(
@@ -115,7 +112,7 @@ def explain(
     recording = told = fitted[0].recording
     rounds, right = 0, False
     while True:
-        ref, sums, values = fitted
+        ref, _, values = fitted
         links = values[: 10 * n]
         both = fitted, _fitted(recording.fast(), prior, added, links)
         admitted = _ranked(both, found)
@@ -167,8 +164,7 @@ def explain(
     # Turns about several axes do not add up.
     turn = angle_between(told.robot.gravity, ref.recording.robot.gravity)
     found = [replace(e, value=turn) if e.kind == "mounting" else e for e in found]
-    left = np.sqrt(left_out(sums, sums.weighted())[0] / sums.rows)
-    return Explained(found=tuple(found), reference=ref, values=values, left=left)
+    return Explained(found=tuple(found), reference=ref, values=values)
 
 
 _Fitted = tuple[Reference, Fits, Array]

@@ -285,33 +285,28 @@ def presliding_of(ref: Reference, values: Array, counts: Array) -> Array:
     return np.array(QUICK)[costs.argmin(axis=0)]
 
 
-def undriven(columns: Array, powers: Array, beside: Array, torque: Array) -> float:
+def undriven(columns: Array, powers: Array, torque: Array) -> float:
     """Square of what friction of which every kind brakes leaves of a torque (T), beyond any other.
 
-    As much as noise makes of it counts as none. Large parts of kinds that are hardly told apart
-    cancel each other: what each of them is tells nothing.
+    Large parts of kinds that are hardly told apart cancel each other: what each of them is tells
+    nothing.
 
     Args:
-        columns: (SHAPES + 1, T) columns of friction.
-        powers: (SHAPES + 1) their powers.
-        beside: (m, T) columns that may be anything.
+        columns: (m, T) columns of friction, then others.
+        powers: (SHAPES + 1) powers of those of friction.
         torque: The torque.
     """
-    rows, lowest = columns.copy(), np.full(len(columns) + len(beside), -np.inf)
-    for first, stop in pairwise((*_FRICTION_KINDS, len(columns))):
+    rows, lowest = columns.copy(), np.full(len(columns), -np.inf)
+    for first, stop in pairwise((*_FRICTION_KINDS, len(powers))):
         if first != _PUSHES:
             # The power of a kind takes the place of its first column.
             rows[first] /= powers[first]
             rows[first + 1 : stop] -= powers[first + 1 : stop, None] * rows[first]
             lowest[first] = 0.0
-    rows = np.concatenate([rows, beside])
     rows /= np.sqrt(np.square(rows).sum(axis=1, keepdims=True)) + 1e-300
     solve = scipy_part("optimize").lsq_linear
-    braking, free = (
-        2 * float(solve(rows.T, torque, bounds=(low, np.inf)).cost) for low in (lowest, -np.inf)
-    )
-    by_chance = free * len(_FRICTION_KINDS) / max(len(torque) - len(rows), 1)
-    return max(braking - free - by_chance, 0.0)
+    braking, free = (solve(rows.T, torque, bounds=(low, np.inf)).cost for low in (lowest, -np.inf))
+    return 2 * max(float(braking - free), 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
