@@ -57,12 +57,6 @@ def test_noise_that_no_model_predicts_is_not_held_against_it() -> None:
     assert judged(20.0, noise_percent=1.0).prediction.answer == "limits"
 
 
-def test_what_nothing_explains_is_a_limit_until_another_recording_is_predicted() -> None:
-    """Where repetitions differ, as with a load for a while, they count as noise."""
-    assert judged(3.0, "unexplained", confirmed=False).prediction.answer == "limits"
-    assert judged(3.0, "unexplained").prediction.answer == "yes"
-
-
 def test_the_error_with_rests_stands_beside_that_in_motion() -> None:
     """Readers who compute their own take all rows."""
     both = judged(1.44, whole_percent=1.64).headline

@@ -161,6 +161,23 @@ def test_scatter_is_the_noise_of_the_mean(repeats: int) -> None:
     assert ((low < real) & (real < high)).all()
 
 
+def test_what_changes_slowly_between_repetitions_is_no_noise() -> None:
+    """As a payload that is carried in some of them, or friction that becomes less."""
+    whole = _repeated(4, noise=0.3)
+    carried = np.repeat([0.0, 1.0, 1.0, 0.0], LENGTH)[:, None]
+    added = 2 * np.sin(2 * np.pi * np.arange(4 * LENGTH)[:, None] / LENGTH + np.arange(3))
+    one = fold_periods(replace(whole, torque=whole.torque + carried * added), 5.0)
+    assert one.noise is not None
+    assert one.changed is not None
+    np.testing.assert_allclose(one.noise, 0.3 / np.sqrt(4), rtol=0.1, atol=0)
+    # Two of four: a variance of a third.
+    size = np.sqrt(np.square(added).mean(axis=0) / 3)
+    np.testing.assert_allclose(one.changed, size, rtol=0.05, atol=0)
+    steady = fold_periods(whole, 5.0)
+    assert steady.changed is not None
+    assert (steady.changed < 0.1 * one.changed).all()
+
+
 def test_one_period_knows_no_noise() -> None:
     assert fold_periods(_repeated(1.5), 5.0).noise is None
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import dynid
-from dynid.bench import Case
+from dynid.bench import Case, arm, motion, plant
 from dynid.bench import recorded as bench_recorded
 from dynid.identification import Assessment
 from dynid.identification.selection.regions import TorqueInterval
@@ -174,3 +174,49 @@ def test_intervals_hold_single_samples_of_a_motion_that_was_averaged(rate_hz: fl
     found = deciding_errors(judged.measured, judged.predicted, judged.moves, slides)
     assert told.deciding_percent(slides)[0] == pytest.approx(found.moving, rel=0.15)
     assert 0.86 < result.validation.covered.min() <= result.validation.covered.max() < 0.97
+
+
+TOLD_BELOW, TOLD_ABOVE = 0.8, 2.0
+"""Told errors are at least and at most so many times the true one."""
+
+
+@pytest.mark.usefixtures("undiagnosed_once")
+@pytest.mark.parametrize(("name", "mass"), [("ur10e", 2.0), ("sliding", 0.8)])
+def test_a_payload_of_some_repetitions_is_no_noise(name: str, mass: float) -> None:
+    """The mean of what is carried and what is not fits well: differences tell what it errs by."""
+    robot = arm(name)
+    real = plant(robot, 4)
+    plants = real.with_payload(mass, robot.flange[:3, 3]), real
+    path, other = (motion(robot, "fourier", seed, 125.0, 20.0) for seed in (4, 5))
+
+    def torques(path: dynid.JointMotion) -> list[np.ndarray]:
+        rigid = [each.torque(path.q, path.dq, path.ddq) for each in plants]
+        return [one + real.friction(path.dq, one, 0.008) for one in rigid]
+
+    noise = real.torque_noise * np.random.default_rng(4).normal(size=path.q.shape)
+    effort = np.where(path.t[:, None] < 10.0, *torques(path)) + noise
+    record = Record(t=path.t, signals={"q": path.q, "qd": path.dq, "effort": effort})
+    result = dynid.identify([record], robot)
+    value = dynid.verdict(result).prediction.value
+    assert value is not None
+    state = result.estimate.model.friction_state(other.q)
+    predicted = result.estimate.predict(other.q, other.dq, other.ddq, state)
+    true = [
+        metrics(each, predicted, None, robot.prismatic).relative_error_overall_percent
+        for each in torques(other)
+    ]
+    typical = float(np.sqrt(np.mean(np.square(true))))
+    assert TOLD_BELOW * typical < value < TOLD_ABOVE * typical
+
+
+@pytest.mark.usefixtures("undiagnosed_once")
+def test_noise_of_single_samples_hides_no_error_of_their_means() -> None:
+    """Blocks of four samples and two periods have a third of it."""
+    case = Case(arm="heavy", motion="fourier", rate_hz=1000.0, duration_s=20.0, seed=3)
+    made = bench_recorded(case)
+    result = dynid.identify([made.record], made.robot, validation=made.validation)
+    assert result.validation is not None
+    true = metrics(made.clean, result.validation.predicted).relative_error_overall_percent
+    told = dynid.verdict(replace(result, validation=None)).prediction.value
+    assert told is not None
+    assert TOLD_BELOW * true < told < TOLD_ABOVE * true

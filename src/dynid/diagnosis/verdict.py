@@ -121,9 +121,6 @@ def judge(
     """
     errors = [f for f in findings if f.severity == "error"]
     faults = [f for f in findings if f.severity == "warning" and f.code in FAULTS]
-    if not confirmed:
-        # What changes from one repetition to the next is taken for noise.
-        faults += [f for f in findings if f.kind == "unexplained"]
     wrong = [f for f in errors if f.code in FAULTS]
     poor = [f for f in errors if f.code not in FAULTS]
     impossible = [f for f in findings if f.code == "not_physical"]

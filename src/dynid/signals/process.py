@@ -96,7 +96,9 @@ class Samples(Value):
     cutoff_hz: float
     """Cut-off that was used [Hz]."""
     noise: Array | None = None
-    """(n) torque noise from the scatter between periods [N.m], if there were periods."""
+    """(n) torque noise from the scatter between periods [N.m or N], if there were periods."""
+    changed: Array | None = None
+    """(n) what else differs between them, see `UniformSignals` [N.m or N]."""
     periods: float = 1.0
     """Periods of which torques are means."""
     torque_filter: TorqueFilter | None = None
@@ -158,6 +160,7 @@ def joined(parts: Sequence[Samples]) -> Samples:
         **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names},
         block=max(part.block for part in parts),
         noise=None,
+        changed=None,
         periods=float(np.mean([part.periods for part in parts])),
     )
 
@@ -292,6 +295,7 @@ def samples_from(
         rate_hz=rate,
         cutoff_hz=cutoff,
         noise=signals.noise,
+        changed=signals.changed,
         periods=signals.periods,
         torque_filter=settings.torque_filter,
     )
@@ -423,7 +427,9 @@ def samples_at_stamps(
     kept = t[inside]
     q, dq, ddq = (linear(samples.t, x, kept) for x in (samples.q, samples.dq, samples.ddq))
     tau = torque[inside]
-    samples = replace(samples, t=kept, q=q, dq=dq, ddq=ddq, tau=tau, block=1, noise=None)
+    samples = replace(
+        samples, t=kept, q=q, dq=dq, ddq=ddq, tau=tau, block=1, noise=None, changed=None
+    )
     if settings.delays_s is None or not any(settings.delays_s):
         return samples
     if len(settings.delays_s) != robot.joints:

@@ -34,6 +34,9 @@ class UniformSignals:
     """(N) 1.0 where the grid lies between recorded neighbours, 0.0 inside gaps."""
     noise: Array | None = None
     """(n) torque noise known from repetitions [N.m or N]."""
+    changed: Array | None = None
+    """(n) standard deviation of what else differs between repetitions: not noise, a change of the
+    arm or its load [N.m or N]."""
     periods: float = 1.0
     """Repetitions of which torques are means."""
 
@@ -198,6 +201,8 @@ def find_period(q: Array, rate_hz: float) -> float | None:
     return float(first / rate_hz)
 
 
+CORRELATED_S = 0.05
+"""Means over so long share no noise, but what another load or warmer friction adds."""
 FORGOTTEN = 0.06
 """Friction knows nothing of what was before a movement so long: three times the longest
 displacement over which it may build up [rad or m]."""
@@ -205,6 +210,8 @@ displacement over which it may build up [rad or m]."""
 
 def fold_periods(signals: UniformSignals, period_s: float) -> UniformSignals:
     """Average whole repetitions into one period; their scatter is the noise of the torque.
+
+    What neighbouring means over `CORRELATED_S` share is none: the arm or its load has changed.
 
     What lies in gaps does not count; where every repetition has a gap, nothing is valid. Nor does
     the torque of a joint at the beginning, until it has moved by `FORGOTTEN` or half as far as it
@@ -237,11 +244,17 @@ def fold_periods(signals: UniformSignals, period_s: float) -> UniformSignals:
     known[0] *= settled
     many = known.sum(axis=0)
     torque = (torques * np.where(many > 0, known / np.maximum(many, 1), weights)).sum(axis=0)
-    noise, freedom = signals.noise, np.maximum(many - 1, 0).sum(axis=0)
+    noise, changed, freedom = signals.noise, signals.changed, np.maximum(many - 1, 0).sum(axis=0)
     if freedom.all():
         errors = known * (torques - torque)
+        rows = min(max(1, round(CORRELATED_S * signals.rate_hz)), length // 2)
+        spans = errors[:, : length - length % rows].reshape(repetitions, -1, rows, errors.shape[2])
+        means = spans.mean(axis=2)
+        slow = rows * (means * np.roll(means, 1, axis=1)).sum(axis=(0, 1)) / freedom
+        changed = np.sqrt(np.maximum(slow, 0.0))
         # The mean of R repetitions is less noisy than each by 1/sqrt(R).
-        noise = np.sqrt(np.square(errors).sum(axis=(0, 1)) / freedom / many.mean(axis=0))
+        scatter = np.square(errors).sum(axis=(0, 1)) / freedom
+        noise = np.sqrt(np.maximum(scatter - np.square(changed), 0.0) / many.mean(axis=0))
     return replace(
         signals,
         t=signals.t[:length],
@@ -250,6 +263,7 @@ def fold_periods(signals: UniformSignals, period_s: float) -> UniformSignals:
         torque=torque,
         valid=np.where(total[:, 0] > 0, 1.0, 0.0),
         noise=noise,
+        changed=changed,
         periods=max(1.0, float(many.mean())),
     )
 

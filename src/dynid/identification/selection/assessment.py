@@ -42,7 +42,10 @@ MEAN_ROWS = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Assessment(Value):
-    """What left-out parts of the recordings say about a result, on all rows."""
+    """What left-out parts of the recordings say about a result, on all rows.
+
+    Where repetitions were averaged, errors are those of one: what differs between them counts.
+    """
 
     anywhere: Array
     """(n) RMS error on regions left out, or on recordings left out [N.m or N]."""
@@ -195,24 +198,31 @@ def assess(
     precision = strength * known.precision
     fast = SLOWEST * speed > FAST * slowest[:, None]
     index, error, lever, floor = _rows(problem, fitted, regions, root, precision, fast)
+    within = _within(samples)
+    if samples.noise is not None:
+        floor = np.sqrt(np.maximum(np.square(samples.noise) - within, 0.0))
     floor = this_motion if floor is None else np.minimum(floor, this_motion)
+    # No model of the motion tells repetitions apart: all err by what has changed.
+    changed = np.zeros(n) if samples.changed is None else samples.changed
     # Of each row that is left out: its part, and whether its joint moves.
     part, moves = regions[index], (speed > slowest[:, None])[:, index]
     return Assessment(
-        anywhere=fitted.rms,
-        this_motion=this_motion,
+        anywhere=np.hypot(fitted.rms, changed),
+        this_motion=np.hypot(this_motion, changed),
         noise_floor=floor,
         torque=fitted.torque,
-        models=models,
+        models={name: np.hypot(rms, changed) for name, rms in models.items()},
         pays=pays,
         interval=TorqueInterval(
             root=root,
-            sigma=this_motion,
+            sigma=np.hypot(this_motion, changed),
             slowest=slowest,
-            averaged=_averaged(samples, floor),
+            averaged=np.sqrt(samples.periods * within + (samples.periods - 1) * np.square(floor)),
             **_calibrated(this_motion, part, error, lever, moves),
         ),
-        by_speed=_by_speed(np.square(error), _bands(speed[:, index], slowest)),
+        by_speed=_by_speed(
+            np.square(error) + np.square(changed)[:, None], _bands(speed[:, index], slowest)
+        ),
     )
 
 
@@ -311,8 +321,8 @@ def _rows(
 ) -> tuple[Indices, Array, Array, Array | None]:
     """Rows left out: which (M) they are, errors [N.m or N] and leverages (n, M) without their part.
 
-    And the noise (n) that no motion explains [N.m or N], the smaller one of all rows and of `fast`
-    ones (n, N); None where rows were skipped.
+    And the noise (n) that no motion explains, by second differences [N.m or N]: the smaller one of
+    all rows and of `fast` ones (n, N); None where rows were skipped.
     """
     step, extra = -(-problem.blocks // MOST_ROWS), root[:, len(root) :]
     roots: list[Array] = [
@@ -335,24 +345,16 @@ def _rows(
         # Second differences: the torque of a motion hardly bends from row to row.
         squares = np.square(np.diff(error[:, part], n=2, axis=1)) / 6.0
         bends += (squares * counted[..., index[part][1:-1]]).sum(axis=2)
-    floor = problem.samples.noise
-    if floor is None and step == 1:
-        floor = np.sqrt((bends / counted.sum(axis=2)).min(axis=0))
+    floor = np.sqrt((bends / counted.sum(axis=2)).min(axis=0)) if step == 1 else None
     return index, error, lever, floor
 
 
-def _averaged(samples: Samples, floor: Array) -> Array:
-    """(n) deviation of the noise that means over blocks and periods have lost [N.m or N].
-
-    From the scatter of the samples within each block, and the noise floor (n) of the means.
-    """
+def _within(samples: Samples) -> Array:
+    """(n) mean variance of the torque within a block, which its mean has lost [(N.m)^2 or N^2]."""
     tau = samples.tau[samples.rows]
     count = len(tau) // samples.block
     blocks = tau[: count * samples.block].reshape(count, samples.block, -1)
-    within = blocks.var(axis=1).mean(axis=0)
-    single = samples.noise is not None
-    mean = np.square(floor) / (samples.block if single else 1)
-    return np.sqrt(samples.periods * within + (samples.periods - 1.0) * mean)
+    return blocks.var(axis=1).mean(axis=0)
 
 
 def _bands(speed: Array, slowest: Array) -> Indices:
