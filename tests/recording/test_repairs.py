@@ -348,6 +348,20 @@ def test_standstill_of_a_perfect_simulation_is_kept() -> None:
     assert record.samples == 1500
     assert codes(record) == ["at_rest"]
     assert "3.2 s at the start" in record.problems[0].message
+    assert "brakes" not in record.problems[0].message
+
+
+def test_standstill_without_torque_may_be_that_of_brakes() -> None:
+    table = raw()
+    rest = {name: value.copy() for name, value in table.signals.items()}
+    noise = np.random.default_rng(1).normal(size=(300, table.joints))
+    for name, value in rest.items():
+        value[:400] = 0.0 if name == "qd" else value[400]
+        if name in ("current", "effort"):
+            value[:300] = 0.01 * noise * np.abs(value).max()
+    record = run(signals(table, **rest))
+    assert codes(record) == ["at_rest"]
+    assert "brakes" in record.problems[0].message
 
 
 @pytest.mark.parametrize("error", [-5.0, -0.02, 0.003, 0.5, 1e6])

@@ -130,6 +130,9 @@ def _refuse(record: ExperimentRecord, findings: Sequence[Finding]) -> None:
 
 _LONG_REST = 1.0
 """Standstill at an end that is worth a word [s]."""
+_HOLDS = 0.05
+"""Torque at rest over that in motion below which something else holds the arm."""
+_NO_TORQUE = " without torque (where brakes hold it, leave that out)"
 _FAR_BEYOND, _FAR_BELOW = 3.0, 0.06
 """Shares of the torque limits that no motion exceeds, and that any motion does."""
 
@@ -141,15 +144,28 @@ def _report_rest(table: RawTable) -> RawTable:
     if not moving.any():
         return table.report("at_rest", "the robot does not move in this recording")
     rows = np.flatnonzero(moving)
-    start, end = float(t[rows[0]] - t[0]), float(t[-1] - t[rows[-1]])
+    first, last = int(rows[0]), int(rows[-1])
+    # The half of a rest that is further from the motion: brakes open before it.
+    rests = (
+        (float(t[first] - t[0]), "start", slice(0, (first + 1) // 2)),
+        (float(t[-1] - t[last]), "end", slice((last + len(t)) // 2, len(t))),
+    )
     parts = [
-        f"{seconds:.2g} s at the {where}"
-        for seconds, where in ((start, "start"), (end, "end"))
+        f"{seconds:.2g} s at the {where}" + _NO_TORQUE * _without_torque(table, rest, moving)
+        for seconds, where, rest in rests
         if seconds > _LONG_REST
     ]
     if not parts:
         return table
     return table.report("at_rest", f"the robot stands still for {' and '.join(parts)}")
+
+
+def _without_torque(table: RawTable, rest: slice, moving: Mask) -> bool:
+    """Whether motors hold nothing in rows in which the robot stands still."""
+    value = next(table.signals[name] for name in TORQUE_SOURCES if name in table.signals)
+    usual = np.sqrt(np.square(value[moving]).mean(axis=0))
+    held = np.abs(value[rest].mean(axis=0)) / np.maximum(usual, 1e-300)
+    return bool(np.sqrt(np.square(held).mean()) < _HOLDS)
 
 
 def _moving(t: Array, q: Array) -> Mask:
