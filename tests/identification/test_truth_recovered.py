@@ -28,6 +28,8 @@ EXACT = 2e-3
 RATE = 125.0
 LATE = 2e-3
 """Error of a delay that was planted [s]."""
+HELD = 0.8
+"""Error of a torque at rest that was planted, whose width is chosen beside it [N.m]."""
 PRESETS = ("paper", "best")
 PAPER = IdentifySettings(preset="paper")
 
@@ -151,6 +153,20 @@ def test_recordings_of_two_rates_have_no_delays_of_half_a_sample() -> None:
         assert [signal.rate_hz for signal in at_one_rate(signals)] == [2 * RATE] * 2
     # Half a sample of the slower one is a step of the faster one, which tells the rate here.
     assert fitted(fast, slow, settings=IdentifySettings()).settings.delays_s is None
+
+
+def test_two_terms_are_found_that_pay_together_alone() -> None:
+    record, held, width = recording(8, seconds=20.0, width=0.04, noise=0.3), 2.0, 0.04
+    speed = np.abs(np.gradient(record.signals["q"][:, 5], record.t))
+    effort = record.signals["effort"].copy()
+    # A torque where the joint hardly moves; in motion there is none.
+    effort[:, 5] += held * (1.0 - np.tanh(speed / width))
+    signals = {**record.signals, "effort": effort}
+    estimate = fitted(replace(record, signals=signals), settings=IdentifySettings())
+    terms = dict(estimate.model.friction.terms)
+    assert terms.get("fo") == terms.get("fca") == (5,)
+    found = [estimate.values[estimate.names.index(name)] for name in ("Fo6", "Fca6")]
+    np.testing.assert_allclose(found, [held, -held], rtol=0, atol=HELD)
 
 
 def test_best_adds_nothing_to_a_plain_arm() -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -131,6 +132,8 @@ class CandidateColumns:
     def moves(self, now: JointChoice, coupled: bool) -> list[JointChoice]:
         """The choices one move away from one; widths differ where a term has a step.
 
+        Two terms may change at once: of a torque at rest that motion does not have, an offset or an
+        asymmetry alone explains nothing, and one term that hides it keeps both out.
         Presliding of a joint whose motor is coupled to others is that of the motor, and stays.
         """
         widths = range(len(WIDTHS) if self.stepped else 1)
@@ -138,7 +141,9 @@ class CandidateColumns:
         if not coupled:
             found = [replace(move, displacement=None) for move in found]
             found += [replace(now, displacement=k) for k in range(len(self.displacements))]
-        found += [replace(now, terms=now.terms ^ {term}) for term in range(len(self.extras))]
+        extras = range(len(self.extras))
+        changed = [set(some) for count in (1, 2) for some in combinations(extras, count)]
+        found += [replace(now, terms=now.terms ^ some) for some in changed]
         return [move for move in found if move != now]
 
 
