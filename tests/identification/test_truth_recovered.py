@@ -5,7 +5,7 @@ import pytest
 from known_robot import oracle, recording, ur5
 
 from dynid import identify
-from dynid.bench import arm, motion, plant
+from dynid.bench import Case, arm, motion, plant, recorded
 from dynid.identification import (
     Estimate,
     IdentificationProblem,
@@ -193,6 +193,15 @@ def test_the_weak_prior_holds_what_joints_at_rest_do_not_show(moving: tuple[int,
     problem = IdentificationProblem(base=base, samples=replace(samples, **still))
     for estimator in (WeightedLeastSquares(prior_gain=1.0), TowardPublished(weight=1e-8)):
         assert np.abs(estimator.fit(problem).values).max() < 1e3
+
+
+def test_a_cut_off_moves_far_whatever_velocities_it_began_with() -> None:
+    case = Case(arm="seven", motion="waypoints", rate_hz=RATE, duration_s=20.0, seed=3)
+    made, free = recorded(case), ProcessingSettings()
+    signals = uniform_signals(made.record, made.robot, free)
+    found = select(made.robot, "urdf", [signals], free).settings
+    # Plain friction asks for 10 Hz and velocities as recorded, friction that builds up does not.
+    assert (found.velocity, found.cutoff_hz) == ("position", 22.0)
 
 
 def test_more_records_mean_more_certainty() -> None:

@@ -115,12 +115,15 @@ def select(
     choices, now = search.descend(trials[best], choices, prior)
     # Steps that are sharper than friction is ask for a low cut-off: chosen, it may move far.
     tell("cut-off", 0.75)
-    far = 0
+    far = best
     if any(choice.displacement is not None for choice in choices):
-        far = int(np.argmin([search.plain_score(trial, choices) for trial in trials])) - best
-    for by in (far, -1, 1):
-        near = best + by
-        if not (by and 0 <= near < len(trials) and trials[near].velocity == trials[best].velocity):
+        far = int(np.argmin([search.plain_score(trial, choices) for trial in trials]))
+    for by in (0, -1, 1):
+        near = best + by if by else far
+        if near == best or not 0 <= near < len(trials):
+            continue
+        # Beside the last cut-off of one source of velocities stands the first one of the other.
+        if by and trials[near].velocity != trials[best].velocity:
             continue
         blocks = search.blocks(trials[near])
         other = search.scores(blocks, choices, search.weights(blocks, choices, prior), prior)
