@@ -115,9 +115,7 @@ def select(
     choices, now = search.descend(trials[best], choices, prior)
     # Steps that are sharper than friction is ask for a low cut-off: chosen, it may move far.
     tell("cut-off", 0.75)
-    far = best
-    if any(choice.displacement is not None for choice in choices):
-        far = int(np.argmin([search.plain_score(trial, choices) for trial in trials]))
+    far = int(np.argmin([search.plain_score(trial, choices) for trial in trials]))
     for by in (0, -1, 1):
         near = best + by if by else far
         if near == best or not 0 <= near < len(trials):
@@ -127,9 +125,11 @@ def select(
             continue
         blocks = search.blocks(trials[near])
         other = search.scores(blocks, choices, search.weights(blocks, choices, prior), prior)
-        if other.value < now.value - GAIN_OF_SHAPE * robot.joints:
-            choices, now = search.descend(trials[near], choices, prior)
-            best = near
+        # Far off, the terms that hid a low cut-off stand in the way.
+        if not by or other.value < now.value - GAIN_OF_SHAPE * robot.joints:
+            found, other = search.descend(trials[near], choices, prior)
+            if other.value < now.value - GAIN_OF_SHAPE * robot.joints:
+                choices, now, best = found, other, near
     settings = trials[best]
     if delays_are_free:
         settings = replace(settings, delays_s=refined_delays(search, settings, choices))
