@@ -231,6 +231,14 @@ def test_of_noise_no_friction_drives() -> None:
     assert {f.kind for f in found if f.severity != "info"} == set()
 
 
+def test_of_a_joint_whose_torque_is_lost_no_friction_drives() -> None:
+    made = recorded(Case(arm="ur5", motion="fourier", rate_hz=125.0, duration_s=20.0, seed=3))
+    effort = made.record.signals["effort"].copy()
+    effort[:, 2] = 0.0
+    lost = replace(made.record, signals={**made.record.signals, "effort": effort})
+    assert "friction_compensated" not in {f.kind for f in findings_of(lost, made.robot)}
+
+
 def _measured(real: Plant, q: Array, dq: Array, step_s: float) -> ExperimentRecord:
     rigid = real.torque(q, dq, np.gradient(dq, step_s, axis=0))
     draw = np.random.default_rng(1)

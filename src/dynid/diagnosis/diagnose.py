@@ -28,12 +28,12 @@ CLOCKS_DIFFER = 0.005
 LEAST_RIPPLE = 0.005
 """Amplitude of a ripple over the joint's torque limit, or its largest torque."""
 DRIVEN, BY_CHANCE = 0.04, 10.0
-"""Share of the friction that the best friction that only brakes leaves at least, and variances of
-the noise that it leaves of each joint then: noise makes half as many of it.
+"""Share of the friction that friction which only brakes leaves at least where some was taken off,
+and variances of the noise a joint, twice what noise alone leaves.
 
-Friction that only brakes leaves up to 0.02, also where joints jog at one speed, real arms 0.036.
-What a controller takes off turns round with the velocity, and friction over a distance: 0.043 to
-0.16 is left, of joints that jog at one speed 0.004 to 0.05."""
+Friction that only brakes leaves up to 0.027, real arms 0.036. What a controller takes off turns
+round with the velocity, and friction over a distance: 0.043 to 0.16 is left; where joints jog at
+one speed 0.004 to 0.06, which is not told."""
 NO_FRICTION = (0.03, 0.6)
 """Braking torque over the torque limit, and over the torque, that few gears stay below."""
 NEAR_ZERO = 0.01
@@ -460,10 +460,8 @@ def _kind_of_torque(explained: Explained, limit: Array) -> list[Finding]:
         own = [*range(ref.shapes.start + j, ref.shapes.stop, count), 10 * n + j]
         columns = rec.measured(ref.columns[[*own, 11 * n + j]])[:, j]
         powers: Array = ref.columns[own, j] @ dq[j] / way[j]
-        power, friction = (
-            float(explained.values[own] @ powers),
-            explained.values[own] @ columns[:-1],
-        )
+        power = float(explained.values[own] @ powers)
+        friction = explained.values[own] @ columns[:-1]
         left.append((power / float(limit[j]), power / float(torque[j])))
         # In variances of the noise: of joints whose torque is mostly noise little can be told.
         noise = max(float(np.square(error[j]).mean()), 1e-300)

@@ -152,8 +152,7 @@ FOLLOW = (2, 4, 5)
 """Places of those with the quicker displacement."""
 _FRICTION_KINDS, _PUSHES = (0, 2, 6, 7), 6
 """First places of those that turn round with the velocity, that do so over a distance, that push
-one way, that grow with speed, after which the viscous one counts. Those of a kind are hardly told
-apart where a joint turns at one speed both ways: large ones cancel each other."""
+one way (the one that may drive), that grow with speed, after which the viscous one counts."""
 
 
 def _parts(rec: Recording, inertial: Array) -> Iterator[tuple[slice, Array]]:
@@ -286,15 +285,18 @@ def presliding_of(ref: Reference, values: Array, counts: Array) -> Array:
 
 
 def undriven(columns: Array, powers: Array, torque: Array) -> float:
-    """Square of what friction of which every kind brakes leaves of a torque (T), beyond any other.
+    """Squares of torques that friction leaves where each kind of it brakes, beyond the best fit.
 
     Large parts of kinds that are hardly told apart cancel each other: what each of them is tells
     nothing.
 
     Args:
         columns: (m, T) columns of friction, then others.
-        powers: (SHAPES + 1) powers of those of friction.
-        torque: The torque.
+        powers: (SHAPES + 1) powers of those of friction over the mean speed, at parameters of one.
+        torque: (T) torque that they explain [N.m or N].
+
+    Returns:
+        The sum over T [(N.m)^2 or N^2].
     """
     rows, lowest = columns.copy(), np.full(len(columns), -np.inf)
     for first, stop in pairwise((*_FRICTION_KINDS, len(powers))):
@@ -305,8 +307,12 @@ def undriven(columns: Array, powers: Array, torque: Array) -> float:
             lowest[first] = 0.0
     rows /= np.sqrt(np.square(rows).sum(axis=1, keepdims=True)) + 1e-300
     solve = scipy_part("optimize").lsq_linear
-    braking, free = (solve(rows.T, torque, bounds=(low, np.inf)).cost for low in (lowest, -np.inf))
-    return 2 * max(float(braking - free), 0.0)
+    # Its tolerances are those of numbers about one.
+    size = max(float(np.linalg.norm(torque)), 1e-300)
+    braking, free = (
+        float(solve(rows.T, torque / size, bounds=(low, np.inf)).cost) for low in (lowest, -np.inf)
+    )
+    return 2 * size**2 * max(braking - free, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -115,18 +115,19 @@ def select(
     choices, now = search.descend(trials[best], choices, prior)
     # Steps that are sharper than friction is ask for a low cut-off: chosen, it may move far.
     tell("cut-off", 0.75)
-    far = int(np.argmin([search.plain_score(trial, choices) for trial in trials]))
-    for by in (0, -1, 1):
-        near = best + by if by else far
-        if near == best or not 0 <= near < len(trials):
+    far, tried = int(np.argmin([search.plain_score(trial, choices) for trial in trials])), {best}
+    for step in (far - best, -1, 1):
+        near = best + step
+        if near in tried or not 0 <= near < len(trials):
             continue
         # Beside the last cut-off of one source of velocities stands the first one of the other.
-        if by and trials[near].velocity != trials[best].velocity:
+        if near != far and trials[near].velocity != trials[best].velocity:
             continue
+        tried.add(near)
         blocks = search.blocks(trials[near])
         other = search.scores(blocks, choices, search.weights(blocks, choices, prior), prior)
-        # Far off, the terms that hid a low cut-off stand in the way.
-        if not by or other.value < now.value - GAIN_OF_SHAPE * robot.joints:
+        # Far off, the terms that hide what a low cut-off leaves stand in the way.
+        if near == far or other.value < now.value - GAIN_OF_SHAPE * robot.joints:
             found, other = search.descend(trials[near], choices, prior)
             if other.value < now.value - GAIN_OF_SHAPE * robot.joints:
                 choices, now, best = found, other, near

@@ -132,7 +132,6 @@ _LONG_REST = 1.0
 """Standstill at an end that is worth a word [s]."""
 _HOLDS = 0.05
 """Torque at rest over that in motion below which something else holds the arm."""
-_NO_TORQUE = " without torque (where brakes hold it, leave that out)"
 _FAR_BEYOND, _FAR_BELOW = 3.0, 0.06
 """Shares of the torque limits that no motion exceeds, and that any motion does."""
 
@@ -150,22 +149,22 @@ def _report_rest(table: RawTable) -> RawTable:
         (float(t[first] - t[0]), "start", slice(0, (first + 1) // 2)),
         (float(t[-1] - t[last]), "end", slice((last + len(t)) // 2, len(t))),
     )
-    parts = [
-        f"{seconds:.2g} s at the {where}" + _NO_TORQUE * _without_torque(table, rest, moving)
-        for seconds, where, rest in rests
-        if seconds > _LONG_REST
-    ]
+    parts: list[str] = []
+    for seconds, where, rest in rests:
+        if seconds > _LONG_REST:
+            held = "" if _held(table, rest, moving) else " without torque (by brakes? leave it out)"
+            parts.append(f"{seconds:.2g} s at the {where}{held}")
     if not parts:
         return table
     return table.report("at_rest", f"the robot stands still for {' and '.join(parts)}")
 
 
-def _without_torque(table: RawTable, rest: slice, moving: Mask) -> bool:
-    """Whether motors hold nothing in rows in which the robot stands still."""
+def _held(table: RawTable, rest: slice, moving: Mask) -> bool:
+    """Whether motors hold the robot in rows in which it stands still."""
     value = next(table.signals[name] for name in TORQUE_SOURCES if name in table.signals)
     usual = np.sqrt(np.square(value[moving]).mean(axis=0))
-    held = np.abs(value[rest].mean(axis=0)) / np.maximum(usual, 1e-300)
-    return bool(np.sqrt(np.square(held).mean()) < _HOLDS)
+    mean = np.abs(value[rest].mean(axis=0)) / np.maximum(usual, 1e-300)
+    return bool(np.sqrt(np.square(mean).mean()) > _HOLDS)
 
 
 def _moving(t: Array, q: Array) -> Mask:
