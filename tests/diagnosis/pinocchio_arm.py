@@ -53,6 +53,8 @@ class Wrong:
     """Mass on the last link [kg]."""
     carried_from: float = 0.0
     """When it is taken up [s]."""
+    carried_for: float = np.inf
+    """After which it is put down; it is taken up again as long after that [s]."""
     exchanged: bool = False
     """Columns of the second and third joint."""
     coupled: float = 0.0
@@ -110,7 +112,8 @@ def recording(wrong: Wrong) -> ExperimentRecord:
     if wrong.carried:
         body = pin.Inertia(wrong.carried, np.array([0.25, 0.02, 0.0]), 0.002 * np.eye(3))
         model.appendBodyToJoint(3, body, pin.SE3.Identity())
-        for k in np.flatnonzero(t >= wrong.carried_from):
+        turns = (t - wrong.carried_from) // wrong.carried_for
+        for k in np.flatnonzero((t >= wrong.carried_from) & (turns % 2 == 0)):
             link[k] = pin.rnea(model, data, q[k], dq[k], ddq[k])
     push = np.array([0.0, wrong.push, wrong.push, 0.0, 0.0, 0.0])
     for k in np.flatnonzero((t > 6.0) & (t < wrong.push_stop)):

@@ -110,7 +110,8 @@ _FACTS = {
     "coupled_torques": f"{_TURNS}, and torques are those of motors",
     "coupled_motors": f"{_TURNS}, and positions and torques are those of motors",
     "payload": "the last link carries {size:.3g} +- {std:.2g} kg {more} than published",
-    "payload_change": "the payload changes by {value:+.3g} +- {std:.2g} kg at about {since:.1f} s",
+    "payload_change": "the payload changes by {value:+.3g} +- {std:.2g} kg at about {since:.1f} s"
+    "{again}",
     "friction_drift": "friction changes by {percent:+.0f} +- {percent_std:.0f} % along the record",
     "gravity_compensated": "the torques contain no gravity",
     "reversed": "the torques of {joints} fit only when reversed",
@@ -294,6 +295,7 @@ def finding_of(item: Explanation, robot: RobotModel, undone: RobotModel) -> Find
     value, std = item.value, item.std
     text = _FACTS[item.kind].format(
         joints=names, value=value, std=std, unit=item.unit, since=item.since_s,
+        again=f", and back: {item.changes} changes" if item.changes > 1 else "",
         factor=1 + value, ms=1e3 * value, ms_std=1e3 * std, mm=1e3 * abs(value),
         mm_std=1e3 * std, longer="longer" if value > 0 else "shorter",
         size=abs(value), more="more" if value > 0 else "less",

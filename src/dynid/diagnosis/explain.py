@@ -80,6 +80,8 @@ class Explanation:
     """Explanations that cannot be told from it, the best first."""
     since_s: float = 0.0
     """When it begins, from the record's start [s]."""
+    changes: int = 0
+    """How many times it begins and ends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -411,6 +413,7 @@ def _explanation(best: Scored, others: list[Scored], before: Explanation | None)
             unit=s.hypothesis.unit,
             score=s.score,
             since_s=s.hypothesis.since_s,
+            changes=s.hypothesis.changes,
         )
         for s in (best, *(s for s in others if s.score >= EQUAL * best.score))
     )

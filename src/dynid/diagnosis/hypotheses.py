@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array
+from dynid.diagnosis.events import loaded
 from dynid.diagnosis.prior import of_the_last_link
 from dynid.diagnosis.residual import BLOCKS, LEAST_ERROR, Fits, Recording, Reference, solution
 from dynid.regressor import InverseDynamicModel, motor_turns
@@ -59,6 +60,8 @@ class Hypothesis:
     """How far sizes may lie beyond their width without being pulled back."""
     since_s: float = 0.0
     """When it begins, from the record's start [s]."""
+    changes: int = 0
+    """How many times it begins and ends."""
 
     @property
     def free(self) -> int:
@@ -188,7 +191,7 @@ def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hy
         )  # fmt: skip
     if rec.robot.published[-1]:
         yield _payload(ref, values)
-    yield _payload_change(ref, values)
+    yield from _payload_changes(ref, values)
     friction = ref.columns[10 * n :].copy()
     friction[n : 2 * n] = 0.0  # motor inertia
     total = np.tensordot(values[10 * n :], friction, axes=1)
@@ -210,25 +213,19 @@ def _at_the_flange(ref: Reference) -> tuple[Array, float]:
     return body, PAYLOAD * float(ref.mean[: 10 * n : 10].sum())
 
 
-def _payload_change(ref: Reference, values: Array) -> Hypothesis:
-    """A body that is carried from the row on from which it explains most."""
-    body, carried = _at_the_flange(ref)
-    width, error = carried * np.array([1.0, *[LEVER_M] * 3]), ref.left(values)
-    own, rows = 1 / np.maximum(np.square(error).mean(axis=1), 1e-12), error.shape[1]
-    square: Array = np.einsum("ajt,bjt,j->tab", body[:4], body[:4], own)[::-1].cumsum(axis=0)[::-1]
-    cross: Array = np.einsum("ajt,jt,j->ta", body[:4], error, own)[::-1].cumsum(axis=0)[::-1]
-    square += np.diag(1 / np.square(width))
-    solved = np.linalg.solve(square, cross[:, :, None])
-    # A block at least lies on either side.
-    starts = slice(rows // BLOCKS, rows - rows // BLOCKS)
-    first = starts.start + int(np.argmax(np.sum(cross * solved[:, :, 0], axis=1)[starts]))
-    rec, later = ref.recording, np.zeros((4, *error.shape))
-    later[:, :, first:] = body[:4, :, first:]
-    return Hypothesis(
-        kind="payload_change", joints=(rec.robot.joints - 1,), unit="kg", width=width,
-        least=0.05 * carried, columns=later,
-        widest=MOST_CARRIED, since_s=float(rec.t[first * rec.block]),
-    )  # fmt: skip
+def _payload_changes(ref: Reference, values: Array) -> Iterator[Hypothesis]:
+    """A body that is carried in the rows in which it explains most."""
+    rec, (body, carried) = ref.recording, _at_the_flange(ref)
+    width = carried * np.array([1.0, *[LEVER_M] * 3])
+    rows = loaded(ref, values, body[:4], width)
+    changes = np.flatnonzero(np.diff(rows)) + 1
+    # What is there or not for less than a block may be anything.
+    if min(rows.sum(), (~rows).sum()) >= len(rows) // BLOCKS:
+        yield Hypothesis(
+            kind="payload_change", joints=(rec.robot.joints - 1,), unit="kg", width=width,
+            least=0.05 * carried, columns=body[:4] * rows, widest=MOST_CARRIED,
+            changes=len(changes), since_s=float(rec.t[changes[0] * rec.block]),
+        )  # fmt: skip
 
 
 def _payload(ref: Reference, values: Array) -> Hypothesis:
@@ -458,13 +455,14 @@ def score(found: Fits, rival: Hypothesis, alone: Fits) -> Scored:
     unlikely = without.penalty(solved[:, -1]) - found.penalty(values)
     within: Array = np.asarray(np.linalg.inv(normal + prior), dtype=np.float64)
     occam = float(np.linalg.slogdet(within)[1]) + float(np.log(np.diag(prior)).sum())
+    chosen = rival.changes * float(np.log(rival.columns.shape[-1]))
     return Scored(
         hypothesis=rival,
         value=value,
         std=std,
         values=x,
-        score=gain + unlikely - 0.5 * float(x @ prior @ x),
-        evidence=0.5 * (float(vector @ within @ vector) + occam),
+        score=gain + unlikely - 0.5 * float(x @ prior @ x) - chosen,
+        evidence=0.5 * (float(vector @ within @ vector) + occam) - chosen,
         certainty=float(ratios.max()),
     )
 
