@@ -7,6 +7,7 @@ import numpy as np
 
 from dynid.core import Array, Finding, InputError
 from dynid.diagnosis.events import (
+    NEXT_S,
     REVERSAL,
     Contact,
     clock_scale,
@@ -294,8 +295,8 @@ def finding_of(item: Explanation, robot: RobotModel, undone: RobotModel) -> Find
     names = "all joints" if every else " and ".join(robot.joint_names[j] for j in item.joints)
     value, std = item.value, item.std
     text = _FACTS[item.kind].format(
-        joints=names, value=value, std=std, unit=item.unit, since=item.since_s,
-        again=f", and back: {item.changes} changes" if item.changes > 1 else "",
+        joints=names, value=value, std=std, unit=item.unit, since=next(iter(item.changes_s), 0.0),
+        again=f", and back: {len(item.changes_s)} changes" if len(item.changes_s) > 1 else "",
         factor=1 + value, ms=1e3 * value, ms_std=1e3 * std, mm=1e3 * abs(value),
         mm_std=1e3 * std, longer="longer" if value > 0 else "shorter",
         size=abs(value), more="more" if value > 0 else "less",
@@ -367,7 +368,9 @@ def _signals(
         # Friction was taken off where joints move; what holds one of them at rest is not known.
         touched = tuple(c for c in touched if len(c.joints) > 1 or _moving(rec, c))
     if not made:
-        found += [_touched(c, robot) for c in touched if not set(c.joints) <= doubted]
+        changes = [t for item in explained.found for t in item.changes_s]
+        told = [c for c in touched if not _meets(c, changes)]
+        found += [_touched(c, robot) for c in told if not set(c.joints) <= doubted]
     for j in range(robot.joints):
         wave = ripple(rec, error, j, LEAST_RIPPLE * float(limit[j]), touched)
         if wave is not None:
@@ -404,6 +407,12 @@ def _signals(
         step = "check robot, joint order, units and signs"
         found.append(Finding("unexplained", text, value=share, unit="1", next_step=step))
     return found
+
+
+def _meets(contact: Contact, changes_s: Sequence[float]) -> bool:
+    """Whether a contact is the change of a payload."""
+    start, stop = contact.start_s - NEXT_S, contact.stop_s + NEXT_S
+    return any(start <= t <= stop for t in changes_s)
 
 
 def _moving(rec: Recording, contact: Contact) -> bool:

@@ -1,19 +1,11 @@
-"""What a recording shows at single places or signals: contacts, loads, ripple, its clock."""
+"""What a recording shows at single places or signals: contacts, ripple, clipping, its clock."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dynid.core import Array, Indices, Mask, scipy_part
-from dynid.diagnosis.residual import (
-    SHAPES,
-    STEPPED,
-    Recording,
-    Reference,
-    correlation_length,
-    fits,
-    solution,
-)
+from dynid.diagnosis.residual import SHAPES, STEPPED, Recording, Reference, correlation_length, fits
 from dynid.identification import wave_power
 from dynid.robot import RobotModel
 from dynid.signals import GAP_STEPS, find_period
@@ -49,8 +41,6 @@ RARE = 3.0
 """Errors of windows with hardly any like them, over those of all others."""
 SETTLED = 0.02
 """Share of its range after which a joint's friction is known."""
-PARTS, SWEEPS = 48, 8
-"""Parts of a recording whose loads are changed first, and how many times those of its rows are."""
 NEXT_S = 0.5
 """Windows closer to each other belong to one contact."""
 
@@ -294,125 +284,6 @@ FINER = 21
 """Orders that are looked at beside the best."""
 PROMINENT = 100.0
 """Power of a wave over the median of all others without it."""
-
-
-def loaded(ref: Reference, values: Array, body: Array, width: Array) -> Mask:
-    """(T) rows in which an arm carries what it does not carry in the first row.
-
-    Parts of the recording change their load one by one as long as less is left; then each row goes
-    to the load that leaves less of it. All parameters are fitted anew with each choice.
-
-    Args:
-        ref: A reference.
-        values: (p) its parameters.
-        body: (m, n, T) torques of a body at the flange, of sizes one.
-        width: (m) standard deviations of its sizes.
-    """
-    rec, prior = ref.recording, np.diag(1 / np.square(width))
-    columns, body, torque = (rec.measured(x) for x in (ref.columns, body, ref.torque))
-    flat, bodies = columns.reshape(len(columns), -1), body.reshape(len(body), -1)
-    products = np.matmul(columns.transpose(1, 0, 2), columns.transpose(1, 2, 0))
-    span = max(1, round(WINDOW_S / (rec.block * float(rec.t[1] - rec.t[0]))))
-    weights, now = _weights(ref.left(values), ref.period), None
-    for _ in range(SWEEPS):
-        weighted = weights[:, None] * body
-        matrix: Array = np.asarray(np.tensordot(weights, products, axes=1), np.float64)
-        matrix += ref.precision
-        right = flat @ (weights[:, None] * torque).ravel() + ref.precision @ ref.mean
-        if now is None:
-            now = _parts_loaded(columns, torque, body, weighted, matrix, right, prior)
-        at = (weighted * now).reshape(bodies.shape)
-        both = np.column_stack([flat @ at.T, right])
-        solved = solution(matrix, both)
-        inner = at @ bodies.T - both[:, :-1].T @ solved[:, :-1] + prior
-        sizes = np.linalg.solve(inner, at @ torque.ravel() - both[:, :-1].T @ solved[:, -1])
-        without = torque - np.tensordot(solved @ np.append(-sizes, 1.0), columns, axes=1)
-        with_it = without - np.tensordot(sizes, body, axes=1)
-        weights = _weights(np.where(now, with_it, without), ref.period)
-        costs = 0.5 * weights @ (np.square(with_it) - np.square(without))
-        before, now = now, _in_turns(costs, span)
-        if np.array_equal(before, now):
-            break
-    return np.zeros(len(torque.T), dtype=np.bool_) if now is None else now != now[0]
-
-
-def _weights(error: Array, period: int) -> Array:
-    """(n) one over variance and correlation length of errors (n, T)."""
-    return 1 / np.maximum(np.square(error).mean(axis=1) * correlation_length(error, period), 1e-12)
-
-
-def _parts_loaded(
-    columns: Array,
-    torque: Array,
-    body: Array,
-    weighted: Array,
-    matrix: Array,
-    right: Array,
-    prior: Array,
-) -> Mask:
-    """(T) rows of the parts that leave least when they carry a body, one more or less at a time.
-
-    Args:
-        columns: (p, n, T) columns of the arm.
-        torque: (n, T) torque.
-        body: (m, n, T) columns of the body.
-        weighted: (m, n, T) the same, times the weights of the joints.
-        matrix: (p, p) normal matrix of the arm, prior included.
-        right: (p) its right side.
-        prior: (m, m) prior precision of the body.
-    """
-    m, count = len(body), torque.shape[1]
-    each = np.arange(PARTS)
-    edges = np.arange(PARTS + 1) * count // PARTS
-    starts = edges[:-1]
-    mixed: Array = np.add.reduceat(np.einsum("pjt,ajt->tap", columns, weighted), starts)
-    inner: Array = np.add.reduceat(np.einsum("ajt,bjt->tab", body, weighted), starts)
-    cross: Array = np.add.reduceat(np.einsum("jt,ajt->ta", torque, weighted), starts)
-    flat = mixed.reshape(PARTS * m, -1)
-    solved = solution(matrix, np.column_stack([flat.T, right]))
-    normal = -(flat @ solved[:, :-1]).reshape(PARTS, m, PARTS, m).transpose(0, 2, 1, 3)
-    normal[each, each] += inner
-    vector = cross - (flat @ solved[:, -1]).reshape(PARTS, m)
-    now, gain = np.zeros(PARTS), 0.0
-    while True:
-        change = 1 - 2 * now
-        half = np.tensordot(normal, now, axes=((1,), (0,)))
-        sums = np.tensordot(now, half, axes=1) + normal[each, each]
-        sums += change[:, None, None] * (half + half.transpose(0, 2, 1)) + prior
-        sides = now @ vector + change[:, None] * vector
-        gains = np.sum(sides * np.linalg.solve(sums, sides[:, :, None])[:, :, 0], axis=1)
-        best = int(gains.argmax())
-        if gains[best] <= gain:
-            return np.repeat(now > 0, np.diff(edges))
-        now[best], gain = 1 - now[best], float(gains[best])
-
-
-def _in_turns(costs: Array, span: int) -> Mask:
-    """(T) rows that cost (T) least together: windows of so many rows, then rows about a change."""
-    starts = np.arange(0, len(costs), span)
-    rough = _cheapest(np.add.reduceat(costs, starts))
-    rough = np.repeat(rough, np.diff(np.append(starts, len(costs))))
-    changes = np.diff(rough, prepend=rough[0])
-    near: Mask = scipy_part("ndimage").maximum_filter1d(changes, 1 + 2 * span)
-    sure = np.where(rough, -1.0, 1.0) * (1 + np.abs(costs).sum())
-    return _cheapest(np.where(near, costs, sure))
-
-
-def _cheapest(costs: Array) -> Mask:
-    """(K) places that cost (K) least together with their changes (Viterbi 1967).
-
-    A change costs as much as to say where it is.
-    """
-    off = on = 0.0
-    change, came = float(np.log(len(costs))), np.empty((len(costs), 2), dtype=np.bool_)
-    for k, cost in enumerate(costs.tolist()):
-        came[k] = on + change < off, off + change < on
-        off, on = min(off, on + change), min(on, off + change) + cost
-    out, state = np.empty(len(costs), dtype=np.bool_), on < off
-    for k in range(len(costs) - 1, -1, -1):
-        out[k] = state
-        state = state != came[k, int(state)]
-    return out
 
 
 def ripple(

@@ -78,10 +78,8 @@ class Explanation:
     """Drop of the negative log likelihood [nats]."""
     rivals: tuple["Explanation", ...] = ()
     """Explanations that cannot be told from it, the best first."""
-    since_s: float = 0.0
-    """When it begins, from the record's start [s]."""
-    changes: int = 0
-    """How many times it begins and ends."""
+    changes_s: tuple[float, ...] = ()
+    """When it begins and ends, from the record's start [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -412,8 +410,7 @@ def _explanation(best: Scored, others: list[Scored], before: Explanation | None)
             std=s.std,
             unit=s.hypothesis.unit,
             score=s.score,
-            since_s=s.hypothesis.since_s,
-            changes=s.hypothesis.changes,
+            changes_s=s.hypothesis.changes_s,
         )
         for s in (best, *(s for s in others if s.score >= EQUAL * best.score))
     )

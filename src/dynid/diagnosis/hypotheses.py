@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array
-from dynid.diagnosis.events import loaded
+from dynid.diagnosis.payloads import changes_of, loaded
 from dynid.diagnosis.prior import of_the_last_link
 from dynid.diagnosis.residual import BLOCKS, LEAST_ERROR, Fits, Recording, Reference, solution
 from dynid.regressor import InverseDynamicModel, motor_turns
@@ -58,10 +58,10 @@ class Hypothesis:
     """Sizes at or below it are not physical."""
     widest: float = 1.0
     """How far sizes may lie beyond their width without being pulled back."""
-    since_s: float = 0.0
-    """When it begins, from the record's start [s]."""
-    changes: int = 0
-    """How many times it begins and ends."""
+    changes_s: tuple[float, ...] = ()
+    """When it begins and ends, from the record's start [s]."""
+    told: int = 0
+    """So many of these do not come back after a repetition of the motion."""
 
     @property
     def free(self) -> int:
@@ -218,13 +218,13 @@ def _payload_changes(ref: Reference, values: Array) -> Iterator[Hypothesis]:
     rec, (body, carried) = ref.recording, _at_the_flange(ref)
     width = carried * np.array([1.0, *[LEVER_M] * 3])
     rows = loaded(ref, values, body[:4], width)
-    changes = np.flatnonzero(np.diff(rows)) + 1
+    changes, told = changes_of(rows, ref.period)
     # What is there or not for less than a block may be anything.
     if min(rows.sum(), (~rows).sum()) >= len(rows) // BLOCKS:
         yield Hypothesis(
             kind="payload_change", joints=(rec.robot.joints - 1,), unit="kg", width=width,
             least=0.05 * carried, columns=body[:4] * rows, widest=MOST_CARRIED,
-            changes=len(changes), since_s=float(rec.t[changes[0] * rec.block]),
+            changes_s=tuple(rec.t[changes * rec.block].tolist()), told=told,
         )  # fmt: skip
 
 
@@ -455,7 +455,7 @@ def score(found: Fits, rival: Hypothesis, alone: Fits) -> Scored:
     unlikely = without.penalty(solved[:, -1]) - found.penalty(values)
     within: Array = np.asarray(np.linalg.inv(normal + prior), dtype=np.float64)
     occam = float(np.linalg.slogdet(within)[1]) + float(np.log(np.diag(prior)).sum())
-    chosen = rival.changes * float(np.log(rival.columns.shape[-1]))
+    chosen = rival.told * float(np.log(rival.columns.shape[-1]))
     return Scored(
         hypothesis=rival,
         value=value,

@@ -373,12 +373,13 @@ class Fits:
         return 0.5 * (float(away @ self.precision @ away) + spread)
 
 
-def correlation_length(error: Array, period: int) -> Array:
+def correlation_length(error: Array, period: int, *, within: bool = False) -> Array:
     """(n) rows that count as one, from the autocorrelation of errors (n, T).
 
     The longer of two: errors that drift are seldom new, and of errors that swing (gears that
     vibrate) their power is (Bartlett 1935), though their sum soon vanishes. Repetitions of a
-    motion average the noise alone, not what the model leaves in each of them.
+    motion average the noise alone, not what the model leaves in each of them; `within` one of them
+    that does not count.
     """
     count = error.shape[1]
     lags = max(1, min(count, 2 * period or count) // 4)
@@ -396,7 +397,7 @@ def correlation_length(error: Array, period: int) -> Array:
         stop = int(np.argmax(auto < 0.05)) or lags
         power = np.square(auto[1:]) - alike[j] / count
         out[j] = max(1.0, 1 + 2 * float(auto[1:stop].sum()), 1 + 2 * float(power.sum()))
-    return out * alike
+    return out if within else out * alike
 
 
 def sums_of(ref: Reference, *added: Array) -> Array:
