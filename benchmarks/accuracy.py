@@ -22,13 +22,12 @@ Needs MuJoCo: pip install 'dynid[dev]'. Exits with 1 where an asked figure is mi
 
 from __future__ import annotations
 
-import argparse
 import itertools
-import sys
 import time
 from dataclasses import dataclass, replace
 
 import numpy as np
+from shared.measuring import run
 
 from dynid import DesignSettings, ExcitationDesign, ExperimentRecord, design, identify
 from dynid.bench import Plant, arm, plant
@@ -124,26 +123,25 @@ class Count:
         return self.reached / max(self.reached + self.later, 1)
 
 
-def main() -> int:
-    """Print a line a design; 1 if an asked figure is missed."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--plants", type=int, default=10)
-    parser.add_argument("--rich", type=int, default=0)
-    parser.add_argument("--percents", type=float, nargs="+", default=[5.0, 3.0, 2.0])
-    parser.add_argument("--factors", type=float, nargs="+", default=[3.0, 1.0])
-    parser.add_argument("--arms", nargs="+", default=list(ARMS))
-    asked = parser.parse_args()
+def main(
+    plants: int = 10,
+    rich: int = 0,
+    percents: tuple[float, ...] = (5.0, 3.0, 2.0),
+    factors: tuple[float, ...] = (3.0, 1.0),
+    arms: tuple[str, ...] = ARMS,
+) -> bool:
+    """Print a line a design; true if an asked figure is missed."""
     kinds = ("Coulomb and viscous friction", "rich friction")
-    counts, plants = (Count(), Count()), (asked.plants, asked.rich)
+    counts = (Count(), Count())
     shares: list[float] = []
-    for factor, name in itertools.product(asked.factors, asked.arms):
+    for factor, name in itertools.product(factors, arms):
         arm = Arm.named(name)
         noise = factor * assumed_noise(arm.robot)
         settings = DesignSettings(noise=tuple(noise))
         fixed = design(arm.robot, settings)
-        by_fixed = [arm.errors(fixed, 3, noise, k, False)[0] for k in range(asked.plants)]
+        by_fixed = [arm.errors(fixed, 3, noise, k, False)[0] for k in range(plants)]
         print(f"{name:6} noise x{factor:g} 3 x 10 s: {_range(by_fixed)}", flush=True)
-        for percent in asked.percents:
+        for percent in percents:
             began, line = time.process_time(), f"{name:6} noise x{factor:g} {percent:g} %:"
             try:
                 found = design(arm.robot, replace(settings, accuracy_percent=percent))
@@ -153,10 +151,9 @@ def main() -> int:
             cpu, period = time.process_time() - began, found.trajectory.duration
             line += f" {found.repetitions} x {period:.1f} s, expected"
             line += f" {found.expected.bound_percent:.2f} %, {cpu:.0f} s CPU"
-            for rich, what in enumerate(kinds):
-                errors = [
-                    counts[rich].case(arm, found, noise, k, bool(rich)) for k in range(plants[rich])
-                ]
+            for what, count, number in zip(kinds, counts, (plants, rich), strict=True):
+                own = what == kinds[1]
+                errors = [count.case(arm, found, noise, k, own) for k in range(number)]
                 if errors:
                     good = sum(error <= percent for error in errors)
                     line += f"; {what}: {_range(errors)}, {good} of {len(errors)} reached"
@@ -169,7 +166,7 @@ def main() -> int:
               f" never, of which said {count.said}")  # fmt: skip
     used = float(np.mean(shares)) if shares else 0.0
     print(f"robot time over 3 x 10 s at {FIXED_PERCENT:g} %: {100 * used:.0f} % (asked: 60)")
-    return int(min(count.share for count in counts if count.reached) < 0.9 or used > 0.6)
+    return min(count.share for count in counts if count.reached) < 0.9 or used > 0.6
 
 
 def _range(errors: list[float]) -> str:
@@ -177,4 +174,4 @@ def _range(errors: list[float]) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

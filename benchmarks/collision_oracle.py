@@ -17,11 +17,9 @@ its largest speed says, are skipped. Prints one line a motion; exits 1 if it fin
 that the certificate calls feasible.
 """
 
-import argparse
 import itertools
 import math
 import re
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -32,6 +30,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 from fit_bodies import MESHES, ROBOTS, link_meshes
+from shared.measuring import run
 
 from dynid.constraints import MotionConstraints, certify, safe_constraints, scene_from_json
 from dynid.core import JsonFields
@@ -279,41 +278,36 @@ def random_motion(judge: MotionConstraints, random: np.random.Generator) -> Four
             low *= 0.97
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--robots", nargs="*", default=ROBOTS)
-    parser.add_argument("--motions", type=int, default=12, help="of each arm (and mounting)")
-    parser.add_argument("--designs", action="store_true", help="what dynid design makes")
-    parser.add_argument("--mounts", nargs="*", default=["floor"], help="with --designs")
-    parser.add_argument("--starts", type=int, help="of a design; default: the command's")
-    parser.add_argument("--tool", type=float, default=0.0, help="with --designs: its length [m]")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--rate", type=float, default=2000.0, help="[Hz]")
-    given = parser.parse_args()
+def main(
+    robots: tuple[str, ...] = ROBOTS,
+    motions: int = 12,
+    designs: bool = False,
+    mounts: tuple[str, ...] = ("floor",),
+    tool: float = 0.0,
+    seed: int = 0,
+    rate: float = 2000.0,
+) -> bool:
     missed = passed = count = 0
-    mounts = given.mounts if given.designs else ["floor"]
-    for name, mount, k in itertools.product(given.robots, mounts, range(given.motions)):
+    for name, mount, k in itertools.product(robots, mounts, range(motions)):
         start = time.process_time()
-        plain = given.designs
-        scene: dict[str, Any] = {} if plain or not k % 2 else dict(SCENES[(k // 2) % len(SCENES)])
-        tool, edge = not plain and k % 3 == 0, not plain and k % 3 == 1
+        scene: dict[str, Any] = {} if designs or not k % 2 else dict(SCENES[k // 2 % len(SCENES)])
+        carries, edge = not designs and k % 3 == 0, not designs and k % 3 == 1
         robot = load_robot(name, mount=mount)
-        if tool:
+        if carries:
             scene["payload"] = [TOOL]
             robot = replace(robot, tool=Tool(tcp=np.array(TIP), mass=MASS, com=np.array(TIP)))
-        length = TIP[2] if tool else given.tool
-        if plain and length:
+        length = TIP[2] if carries else tool
+        if designs and length:
             robot = replace(robot, tool=Tool(tcp=np.array((0.0, 0.0, length))))
         judge = safe_constraints(robot, scene_from_json(JsonFields(scene)) if scene else None)
-        if plain:
-            settings = DesignSettings(starts=given.starts, seed=given.seed + k)
-            motion = design(robot, settings).trajectory
+        if designs:
+            motion = design(robot, DesignSettings(seed=seed + k)).trajectory
         else:
-            motion = random_motion(judge, np.random.default_rng([given.seed, k]))
+            motion = random_motion(judge, np.random.default_rng([seed, k]))
         if edge:
             motion = pushed(motion, judge)
         certificate = certify(motion, judge)
-        times = np.arange(0.0, motion.duration, 1 / given.rate)
+        times = np.arange(0.0, motion.duration, 1 / rate)
         made = time.process_time() - start
         oracle = Oracle(name, scene)
         found = oracle.broken(motion.evaluate(times), robot, length)
@@ -321,8 +315,8 @@ def main() -> None:
         missed, passed, count = missed + wrong, passed + certificate.feasible, count + 1
         verdict = "feasible" if certificate.feasible else "/".join(certificate.broken)
         near = certificate.margins["self_collision_m"]
-        words = [mount] if plain else [w for w, on in (("scene", k % 2), ("tool", tool),
-                                                       ("edge", edge)) if on]  # fmt: skip
+        kinds = {mount: designs, "scene": bool(scene) and k % 2, "tool": carries, "edge": edge}
+        words = [word for word, on in kinds.items() if on]
         print(
             f"{name:6s} {k:2d} {' '.join(words):16s} certificate: {verdict:12s} bodies"
             f" {'-' if near is None else f'{1e3 * near:6.1f} mm'}, meshes"
@@ -331,9 +325,9 @@ def main() -> None:
             f"  {made:.0f} + {time.process_time() - start - made:.0f} s",
             flush=True,
         )
-    print(f"{count} motions at {given.rate:g} Hz, {passed} feasible; missed violations: {missed}")
-    sys.exit(1 if missed else 0)
+    print(f"{count} motions at {rate:g} Hz, {passed} feasible; missed violations: {missed}")
+    return missed > 0
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -9,13 +9,12 @@ six-joint arm takes 2 s of CPU. Needs the extra `sdp`; the real recordings are r
     python benchmarks/consistent.py [DATA [NAME...]]
 """
 
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 from real_recordings import Case, cases, identified
-from shared.measuring import DATA, print_head, print_row
+from shared.measuring import DATA, print_head, print_row, run
 
 import dynid
 from dynid.core import Array, one_thread
@@ -111,19 +110,17 @@ def cells(case: Case, preset: str) -> tuple[str, ...]:
 
 
 @one_thread()
-def main(words: list[str]) -> int:
+def main(data: Path = DATA, names: tuple[str, ...] = (), /) -> None:
     """Print the table."""
-    data = Path(words[0]) if words else DATA
     columns = "record, preset, residual [%], held out [%], pseudo-inertia, mass matrix"
     print_head((columns + ", mass over published, moved [std], CPU s").split(", "))
     for case in [*simulated(), *(cases(data) if data.exists() else [])]:
-        if words[1:] and not case.name.startswith(tuple(words[1:])):
+        if names and not case.name.startswith(tuple(names)):
             continue
         for preset in ("paper", "best"):
             print_row(cells(case, preset))
     print(f"asked: {ASKED}")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    run(main)

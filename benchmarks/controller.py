@@ -9,16 +9,15 @@ and `--on ur://` in virtual and in real time, how far what they record differs. 
 machine: python benchmarks/controller.py [--seconds 60]
 """
 
-import argparse
 import itertools
 import json
-import sys
 import tempfile
 import time
 from contextlib import closing
 from pathlib import Path
 
 import numpy as np
+from shared.measuring import run
 
 from dynid.drivers import Driver, SimulatedDriver, UrDriver, inspect
 from dynid.drivers.ur.link import RtdeLink, ScriptPort
@@ -137,17 +136,14 @@ def runs(seconds: float) -> None:
         print(f"  {name:16s} {np.abs(value - second[name]).max():.3g}")
 
 
-def main() -> int:
-    """Print the tables; 1 if an asked figure is missed."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=60.0)
-    seconds = parser.parse_args().seconds
+def main(seconds: float = 60.0) -> bool:
+    """Print the tables; true if an asked figure is missed."""
     each = itertools.product(("ur5", "ur5e"), (False, True))
     good = [measured(robot, seconds, virtual=virtual) for robot, virtual in each]
     print("asked: none missing, steps exact, virtual time at least", f"{ASKED_SPEED_UP:g} x")
     runs(seconds)
-    return int(not all(good))
+    return not all(good)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

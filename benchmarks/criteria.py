@@ -15,11 +15,11 @@ Needs pinocchio: pip install 'dynid[dev]'. Options: --seeds N (10), --starts N (
 --no-collision.
 """
 
-import argparse
 import itertools
 import time
 
 import numpy as np
+from shared.measuring import run
 from shared.pinocchio_arm import Array, PinocchioArm
 
 from dynid import DesignSettings, design, load_robot, random_excitation
@@ -165,30 +165,24 @@ def _safe(limits: MotionConstraints, motion: JointMotion) -> bool:
 
 
 @one_thread()
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=10)
-    parser.add_argument("--starts", type=int, default=4)
-    parser.add_argument("--only", default="")
-    parser.add_argument("--no-collision", action="store_true")
-    options = parser.parse_args()
+def main(seeds: int = 10, starts: int = 4, only: str = "", no_collision: bool = False) -> None:
     plant = Plant()
-    limits = safe_constraints(plant.robot, collision=not options.no_collision)
+    limits = safe_constraints(plant.robot, collision=not no_collision)
     judge = Judge(plant, limits)
     print(f"{'criterion':26} held-out (min .. max)      whole  task  friction  worst   cond  CPU s")
     random = [judge.judge(motion) for motion in _whole_workspace(plant, limits, 40)]
     _print("random, best cond of 40", [min(random, key=lambda row: row["cond"])])
     for name, words in CRITERIA.items():
-        if options.only and name not in options.only.split(";"):
+        if only and name not in only.split(";"):
             continue
         rows = []
-        for seed in range(options.seeds):
+        for seed in range(seeds):
             began = time.process_time()
             settings = DesignSettings(
                 seed=seed,
-                starts=options.starts if words.get("method") != "ga" else None,
+                starts=starts if words.get("method") != "ga" else None,
                 noise=None if words.get("purpose") == "cond" else tuple(NOISE),
-                collision=not options.no_collision,
+                collision=not no_collision,
                 **words,
             )
             found = design("ur5", settings)
@@ -212,4 +206,4 @@ def _print(name: str, rows: list[dict[str, float]]) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

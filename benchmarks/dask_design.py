@@ -8,7 +8,6 @@ same, whoever computes it. Asked: 1.7 times on idle cores, the median of the rou
 Needs dynid[dask].
 """
 
-import argparse
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -21,6 +20,7 @@ from typing import Any
 import distributed
 import numpy as np
 from fleet import Individual
+from shared.measuring import run
 
 import dynid
 from dynid.bench import plant
@@ -90,12 +90,8 @@ def idle_cpu(client: Any) -> float:
     return (spent() - before) / IDLE_S
 
 
-def main() -> None:
+def main(rounds: int = 3, only: str = "") -> None:
     """Print times."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--only", choices=("design", "fleet"))
-    asked = parser.parse_args()
     with (
         fleet() as (of_fleet, of_few),
         distributed.LocalCluster(
@@ -109,12 +105,12 @@ def main() -> None:
             f"fleet, {ARMS * DAYS} recordings": (of_fleet, of_few),
         }
         for name, (job, short) in jobs.items():
-            if asked.only and not name.startswith(asked.only):
+            if not name.startswith(only):
                 continue
             # Workers import and compile once.
             short(cluster.scheduler_address)
             ratios = []
-            for _ in range(asked.rounds):
+            for _ in range(rounds):
                 expected, alone_s = timed(job, None)
                 found, together_s = timed(job, cluster.scheduler_address)
                 ratios.append(alone_s / together_s)
@@ -124,4 +120,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -8,7 +8,6 @@ several lines, or called a bug in dynid.
 
 import contextlib
 import io
-import sys
 import tempfile
 import time
 import warnings
@@ -16,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from shared.measuring import run
 
 from dynid.cli.app import main as dynid
 
@@ -114,7 +114,7 @@ def said(*words: str | Path) -> tuple[int, str, float]:
     return code, err.getvalue().strip(), time.process_time() - begun
 
 
-def main(names: list[str]) -> int:
+def main(names: tuple[str, ...] = tuple(CASES), /) -> bool:
     """Print a line a case and command."""
     warnings.simplefilter("error")
     bad = count = 0
@@ -131,7 +131,7 @@ def main(names: list[str]) -> int:
         print(f"{mark} {name:22} {command:8} {code} {seconds:5.1f} s  {last[:170]}", flush=True)
         return code
 
-    for name in names or CASES:
+    for name in names:
         case = CASES[name]
         with tempfile.TemporaryDirectory() as place:
             folder, arm = Path(place), case.robot
@@ -148,8 +148,8 @@ def main(names: list[str]) -> int:
                     words = ["--population", "4", "--generations", "1", "--harmonics", "2"]
                     tell(name, "design", arm, "-o", folder / "d.json", "--method", "ga", *words)
     print(f"{bad} of {count} commands answered badly")
-    return bool(bad)
+    return bad > 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    run(main)

@@ -16,10 +16,8 @@ held-out motions that no design sees. All designs are safe ones with collisions,
 Exits with 1 where an asked figure is missed. Needs pinocchio: pip install 'dynid[dev]'.
 """
 
-import argparse
 import itertools
 import json
-import sys
 import tempfile
 import time
 from collections import defaultdict
@@ -28,6 +26,7 @@ from pathlib import Path
 
 import numpy as np
 from criteria import NOISE, RATE_HZ, Judge, Plant
+from shared.measuring import run
 from shared.pinocchio_arm import Array
 
 from dynid import DesignSettings, ExcitationDesign, ExperimentRecord, design
@@ -185,20 +184,12 @@ def crowded(seeds: int) -> bool:
 
 
 @one_thread()
-def main() -> int:
-    """One of them; 1 if its figure is missed."""
-    kinds = {
-        "previous": (previous, 3),
-        "points": (points, 5),
-        "crowded": (crowded, 1),
-    }
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", nargs="?", default="points", choices=kinds)
-    parser.add_argument("--seeds", type=int)
-    asked = parser.parse_args()
-    measure, usual = kinds[asked.what]
-    return int(not measure(asked.seeds or usual))
+def main(what: str = "points", /, seeds: int = 0) -> bool:
+    """One of them; true if its figure is missed."""
+    kinds = {"previous": (previous, 3), "points": (points, 5), "crowded": (crowded, 1)}
+    measure, usual = kinds[what]
+    return not measure(seeds or usual)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

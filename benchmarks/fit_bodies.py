@@ -1,7 +1,7 @@
 """Prove the collision bodies of the built-in arms on Universal Robots' meshes, or fit them.
 
-    python benchmarks/fit_bodies.py [ur5 ...] [--meshes ../shared/data/ur_meshes]   prove alone
-    python benchmarks/fit_bodies.py [ur5 ...] --fit                                 fit, rewrite
+    python benchmarks/fit_bodies.py [ur5 ...]           prove alone
+    python benchmarks/fit_bodies.py [ur5 ...] --fit     fit, rewrite
 
 A fit writes the [[body]] tables of `src/dynid/robot/library/*.toml`. Fitting and proving have
 nothing in common but the meshes: the proof reads the robot as users do, and finds for every
@@ -11,18 +11,15 @@ within its radius of each); bodies are convex, so that they hold the triangle. B
 surface of a link's bodies is from its mesh.
 """
 
-import argparse
 import json
 import re
-import sys
 import tomllib
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
-from shared.measuring import DATA, ROOT
+from shared.measuring import DATA, ROOT, run
 
 from dynid.robot import Body, RobotModel, load_robot
 from dynid.robot.body import around_points, beyond, parts_of
@@ -52,12 +49,12 @@ def _turn(axes: str, *angles: float) -> np.ndarray:
     return Rotation.from_euler(axes, angles).as_matrix().reshape(3, 3)
 
 
-def link_meshes(robot: str, meshes: Path = MESHES) -> list[np.ndarray]:
+def link_meshes(robot: str) -> list[np.ndarray]:
     """(T, 3, 3) triangles of the base and of each link, in the frames of ROS 2's links [m].
 
     Where the meshes stand in them is a fact of `ur_macro.xacro`.
     """
-    config = meshes / "config" / robot
+    config = MESHES / "config" / robot
     visual = (config / "visual_parameters.yaml").read_text()
     physical = (config / "physical_parameters.yaml").read_text()
     offsets = [float(x) for x in re.findall(r"visual_offset:\s*(\S+)", visual)]
@@ -76,16 +73,16 @@ def link_meshes(robot: str, meshes: Path = MESHES) -> list[np.ndarray]:
     for file, (height, turn) in zip(
         re.findall(r"path: (meshes/\S+\.stl)", visual), places, strict=True
     ):
-        data = (meshes / file).read_bytes()
+        data = (MESHES / file).read_bytes()
         corners = np.frombuffer(data[84:], row)["corners"].reshape(-1, 3).astype(np.float64)
         found.append((corners @ turn.T + [0, 0, height]).reshape(-1, 3, 3))
     return found
 
 
-def meshes_of(robot: RobotModel, meshes: Path = MESHES) -> list[np.ndarray]:
+def meshes_of(robot: RobotModel) -> list[np.ndarray]:
     """The same in the frames of the bodies: the base's, and the joint frames."""
     dh = robot.parameter_frames["dh"]
-    found = link_meshes(robot.name, meshes)
+    found = link_meshes(robot.name)
     for k, (a, alpha) in enumerate(_dh_table(robot.name)):
         faces = (found[k + 1] - [a, 0, 0]) @ _turn("x", alpha)
         found[k + 1] = faces @ dh[k, :3, :3].T + dh[k, :3, 3]
@@ -130,7 +127,7 @@ def _spread(faces: np.ndarray, spacing: float, random: np.random.Generator) -> n
     return faces[rows, 0] + np.einsum("kc,kcx->kx", shares, sides[rows])
 
 
-def fit(faces: np.ndarray) -> list[tuple[np.ndarray, float]]:
+def fitted(faces: np.ndarray) -> list[tuple[np.ndarray, float]]:
     """Points and radii of bodies around a mesh (T, 3, 3)."""
     return [
         around_points(part.reshape(-1, 3), corners=CORNERS, within=WITHIN)
@@ -138,16 +135,16 @@ def fit(faces: np.ndarray) -> list[tuple[np.ndarray, float]]:
     ]
 
 
-def tables(robot: str, meshes: Path) -> str:
+def tables(robot: str) -> str:
     """The [[body]] tables of a robot's file."""
     lines: list[str] = []
     links = ("base", *load_robot(robot).joint_names)
     table = [(0.0, 0.0), *_dh_table(robot)]
-    for k, (faces, (a, alpha)) in enumerate(zip(link_meshes(robot, meshes), table, strict=True)):
+    for k, (faces, (a, alpha)) in enumerate(zip(link_meshes(robot), table, strict=True)):
         placed = (faces - [a, 0, 0]) @ _turn("x", alpha)
         key = placed.tobytes()
         if key not in _FITTED:
-            _FITTED[key] = robot, fit(placed)
+            _FITTED[key] = robot, fitted(placed)
         owner, bodies = _FITTED[key]
         for number, (points, radius) in enumerate(bodies, start=1):
             source = [] if lines else [f'source = """{SOURCE}"""']
@@ -168,11 +165,11 @@ _FITTED: dict[bytes, tuple[str, list[tuple[np.ndarray, float]]]] = {}
 """The arm that a mesh was fitted for first, and its bodies: some arms share meshes."""
 
 
-def check(robot: RobotModel, meshes: Path = MESHES) -> dict[str, Any]:
+def check(robot: RobotModel) -> dict[str, Any]:
     """What is stored of one robot."""
     links: dict[str, Any] = {}
     every: list[np.ndarray] = []
-    for k, faces in enumerate(meshes_of(robot, meshes)):
+    for k, faces in enumerate(meshes_of(robot)):
         bodies = [body for body in robot.bodies if body.link == k]
         found = price(faces, bodies)
         every.append(found)
@@ -192,21 +189,16 @@ def check(robot: RobotModel, meshes: Path = MESHES) -> dict[str, Any]:
     }
 
 
-def main() -> int:
-    """Print a line an arm; 1 if a triangle is in no body."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("robots", nargs="*", default=ROBOTS)
-    parser.add_argument("--meshes", type=Path, default=MESHES)
-    parser.add_argument("--fit", action="store_true", help="rewrite the library's files")
-    given = parser.parse_args()
+def main(robots: tuple[str, ...] = ROBOTS, /, fit: bool = False) -> bool:
+    """Print a line an arm; true if a triangle is in no body."""
     stored = json.loads(STORED.read_text()) if STORED.is_file() else {}
     outside = 0
-    for name in given.robots:
-        if given.fit:
+    for name in robots:
+        if fit:
             file = LIBRARY / f"{name}.toml"
             kept = re.split(r"^\[\[(?:capsule|body)\]\]", file.read_text(), flags=re.MULTILINE)[0]
-            file.write_text(kept.rstrip() + "\n" + tables(name, given.meshes))
-        stored[name] = check(load_robot(name), given.meshes)
+            file.write_text(kept.rstrip() + "\n" + tables(name))
+        stored[name] = check(load_robot(name))
         shown = stored[name]
         lost = sum(link["outside"] for link in shown["links"].values())
         outside += lost
@@ -217,8 +209,8 @@ def main() -> int:
             flush=True,
         )
         STORED.write_text(json.dumps(stored, indent=1) + "\n")
-    return int(outside > 0)
+    return outside > 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

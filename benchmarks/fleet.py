@@ -8,7 +8,6 @@ run with ten new ones computes.
     python benchmarks/fleet.py [--robots 4] [--recordings 50] [--seeds 0] [--jobs 1]
 """
 
-import argparse
 import tempfile
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
@@ -17,7 +16,7 @@ from pathlib import Path
 from time import process_time
 
 import numpy as np
-from shared.measuring import print_head, print_row
+from shared import measuring
 
 import dynid
 from dynid.bench import Motion, Plant, motion, plant
@@ -113,19 +112,16 @@ def run(seed: int, robots: int, recordings: int, folder: Path, jobs: int) -> tup
     )
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    for name, default in (("robots", 4), ("recordings", 50), ("jobs", 1)):
-        parser.add_argument(f"--{name}", type=int, default=default)
-    parser.add_argument("--seeds", type=int, nargs="+", default=[0])
-    asked = parser.parse_args()
+def main(
+    robots: int = 4, recordings: int = 50, jobs: int = 1, seeds: tuple[int, ...] = (0,)
+) -> None:
     columns = "seed, robots x recordings, found, other alarms, trends, computed again"
     columns += ", CPU s simulation, CPU s first run, CPU s second run"
-    print_head(columns.split(", "))
-    for seed in asked.seeds:
+    measuring.print_head(columns.split(", "))
+    for seed in seeds:
         with tempfile.TemporaryDirectory() as folder:
-            print_row(run(seed, asked.robots, asked.recordings, Path(folder), asked.jobs))
+            measuring.print_row(run(seed, robots, recordings, Path(folder), jobs))
 
 
 if __name__ == "__main__":
-    main()
+    measuring.run(main)

@@ -10,7 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from shared.measuring import ROOT, child
+from shared.measuring import ROOT, child, run
 
 sys.path.insert(0, str(ROOT / "tests" / "recording"))
 from hostile_files import DOCUMENTS, GOOD_ROWS, MAKERS, good_table
@@ -43,7 +43,7 @@ def make(name: str, folder: Path) -> None:
         MAKERS[name](folder)
 
 
-def main(names: list[str]) -> int:
+def main(names: tuple[str, ...] = ("good.csv", *MAKERS, *DOCUMENTS), /) -> bool:
     bad = 0
     for name in names:
         with tempfile.TemporaryDirectory() as place:
@@ -62,11 +62,11 @@ def main(names: list[str]) -> int:
             flush=True,
         )
     print(f"{bad} of {len(names)} beyond the limits")
-    return bool(bad)
+    return bad > 0
 
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["make"]:
         make(sys.argv[2], Path(sys.argv[3]))
     else:
-        sys.exit(main(sys.argv[1:] or ["good.csv", *MAKERS, *DOCUMENTS]))
+        run(main)

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import pytest
 from real_recordings import SOURCES, Source
-from shared.measuring import DATA, ROOT
+from shared.measuring import DATA, ROOT, run
 
 from dynid.core import InputError
 from dynid.recording import RawTable, ReadOptions, parse_columns, reading, repair
@@ -126,11 +126,11 @@ def digest(given: Given) -> str:
     return f"{found.hexdigest()} {[problem.text for problem in record.problems]}"
 
 
-def main() -> None:
+def main(names: tuple[str, ...] = (), /) -> None:
     """Print one line a rule."""
     rules = pipeline.RULES
     known = [rule.apply.__name__ for rule in rules]
-    if unknown := set(sys.argv[1:]) - set(known):
+    if unknown := {*names} - {*known}:
         sys.exit(f"no rules: {', '.join(unknown)}; there are {', '.join(known)}")
     # Without a rule, those after it get what they never get.
     warnings.simplefilter("ignore")
@@ -142,7 +142,7 @@ def main() -> None:
     usual = Counter(outcome(*item) for item in damaged)
     print(f"{len(damaged)} damaged tables, {len(real)} recordings; {dict(usual)}")
     print(f"{'rule':22} tests  damaged: {', '.join(words)}; recordings that are read otherwise")
-    for name in sys.argv[1:] or known:
+    for name in names or known:
         pipeline.RULES = tuple(rule for rule in rules if rule.apply.__name__ != name)
         now = Counter(outcome(*item) for item in damaged)
         more = "".join(f"{now[word] - usual[word]:+6}" for word in words)
@@ -152,4 +152,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -12,13 +12,13 @@ up to 20 % different, and each drive gain is off by 2 %; mass and centre.
 presliding in every second group of five arms.
 """
 
-import argparse
+import itertools
 from dataclasses import replace
-from itertools import count
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
+from shared.measuring import run
 
 import dynid
 from dynid.bench.plants import Motion, Plant, arm, motion, plant
@@ -167,19 +167,14 @@ def delay(_: str, seed: int) -> tuple[str, dict[str, Array]]:
 
 
 @one_thread()
-def main() -> None:
+def main(kind: str = "known", /, seed: int = 1, count: int = 12) -> None:
     """Print a line a recording, and how many intervals hold."""
-    asked = argparse.ArgumentParser(description=__doc__)
-    asked.add_argument("kind", nargs="?", default="known", choices=(*SETTINGS, "payload", "delays"))
-    asked.add_argument("--seed", type=int, default=1)
-    asked.add_argument("--count", type=int, default=12)
-    words = asked.parse_args()
+    judged = {"payload": payload, "delays": delay}.get(kind, parameters)
     total: dict[str, list[Array]] = {}
     made = 0
-    for k in count(1000 * words.seed):
+    for k in itertools.count(1000 * seed):
         try:
-            judged = {"payload": payload, "delays": delay}.get(words.kind, parameters)
-            name, groups = judged(words.kind, k)
+            name, groups = judged(kind, k)
         except DynidError as error:
             print(f"{k}: refused, {error}", flush=True)
             continue
@@ -188,7 +183,7 @@ def main() -> None:
         print(f"{k} {name}: {', '.join(cells)}", flush=True)
         for group, away in groups.items():
             total.setdefault(group, []).append(away)
-        if made == words.count:
+        if made == count:
             break
     for group, parts in total.items():
         away = np.concatenate(parts)
@@ -198,4 +193,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -11,11 +11,9 @@ the CPU time; exits with 1 where one is above 34.5 (12 starts, the default of `-
 (60 starts), or 153, the paper's, with its genetic algorithm, 300 x 5.
 """
 
-import argparse
 import json
-import sys
 
-from shared.measuring import child
+from shared.measuring import child, run
 
 ASKED, PAPER = {12: 34.5, 60: 33.0}, 153.0
 """Condition number by the number of starts; by the genetic algorithm."""
@@ -40,30 +38,28 @@ print(json.dumps([kernel, [one.condition_number for one in found], spent]))
 """The kernel, the condition numbers by seed, CPU time of a design [s]."""
 
 
-def main() -> int:
-    """Print the ranges."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--starts", type=int, default=12)
-    parser.add_argument("--seeds", type=int, default=10)
-    parser.add_argument("--method", choices=("gradient", "ga"), default="gradient")
-    parser.add_argument("--kernels", nargs="*", default=["Haswell", "Sandybridge", GENERIC])
-    asked = parser.parse_args()
-    limit, worst = ASKED.get(asked.starts, float("inf")), 0.0
-    limit = PAPER if asked.method == "ga" else limit
-    for name in asked.kernels:
+def main(
+    starts: int = 12,
+    seeds: int = 10,
+    method: str = "gradient",
+    kernels: tuple[str, ...] = ("Haswell", "Sandybridge", GENERIC),
+) -> bool:
+    """Print the ranges; true if one is too wide."""
+    worst, limit = 0.0, PAPER if method == "ga" else ASKED.get(starts, float("inf"))
+    for name in kernels:
         changed = {"OPENBLAS_CORETYPE": name}
         if name == GENERIC:
             changed["NUMBA_CPU_NAME"] = "generic"
-        told = child(["-c", DESIGNS, asked.seeds, asked.starts, asked.method], **changed).said
+        told = child(["-c", DESIGNS, seeds, starts, method], **changed).said
         kernel, values, spent = json.loads(told)
         worst = max(worst, *values)
         numbers = " ".join(f"{value:.2f}" for value in values)
         line = f"{kernel:12} {min(values):.2f} to {max(values):.2f}: {numbers}; {spent:.1f} s CPU"
         print(line, flush=True)
-    how = "genetic" if asked.method == "ga" else f"{asked.starts} starts"
-    print(f"{how}, {asked.seeds} seeds: worst {worst:.2f}, asked {limit:g}")
-    return int(worst > limit)
+    how = "genetic" if method == "ga" else f"{starts} starts"
+    print(f"{how}, {seeds} seeds: worst {worst:.2f}, asked {limit:g}")
+    return worst > limit
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

@@ -9,7 +9,6 @@ untouched (every other run finds one in its recording's place); and the count in
 be that of the rows which can be read. Exits 1 if anything of that fails.
 """
 
-import argparse
 import os
 import random
 import re
@@ -26,19 +25,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from shared.measuring import ROOT, run
 
 from dynid.core import DynidError, file_hash
 from dynid.recording import ExperimentRecord, read_record
 from dynid.workflow import DesignSettings, design
 from urtwin import controller_process
 
-FILES = Path(__file__).parents[1] / "tests" / "frozen" / "files"
+FILES = ROOT / "tests" / "frozen" / "files"
 ROW = struct.Struct("<8d")
-PERIODS = {"sim": 8, "controller": 2}
+PERIODS = {"sim": 16, "controller": 2}
 LATE_S = {"sim": 4.0, "controller": 15.0}
 """The latest kill after the first row."""
 ROOM = (20_000, 2_500_000)
-"""Sizes of full disks [bytes]; a whole recording of the simulated arm takes 3 MB."""
+"""Sizes of full disks [bytes]; a whole recording of the simulated arm takes 6 MB."""
 OLD_S = 1.0
 CHILD = """
 import os, resource, struct, sys, time
@@ -173,23 +173,14 @@ def spoil(case: Case, host: str, folder: Path, motion: Path) -> tuple[bool, str]
     return not wrong, end + "".join(f"; WRONG: {text}" for text in wrong)
 
 
-def main() -> None:
-    """Print a line a run."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kills", type=int, default=60)
-    parser.add_argument("--full", type=int, default=20)
-    parser.add_argument("--side", type=int, default=4, help="runs side by side")
-    parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
-    chance = random.Random(asked.seed)
+def main(kills: int = 60, full: int = 20, side: int = 4, seed: int = 0) -> bool:
+    """Print a line a run, so many side by side; true if a promise was broken."""
+    chance = random.Random(seed)
     cases = [
         Case(k, where, chance.uniform(0.0, LATE_S[where]))
-        for k, where in enumerate(["sim", "sim", "controller", "controller"] * asked.kills)
-    ][: asked.kills]
-    cases += [
-        Case(k, "sim", None, chance.randrange(*ROOM))
-        for k in range(asked.kills, asked.kills + asked.full)
-    ]
+        for k, where in enumerate(["sim", "sim", "controller", "controller"] * kills)
+    ][:kills]
+    cases += [Case(k, "sim", None, chance.randrange(*ROOM)) for k in range(kills, kills + full)]
     good = recorded = 0
     lock = threading.Lock()
 
@@ -204,13 +195,13 @@ def main() -> None:
                     recorded += ": 0 appended" not in words
                     print(("ok  " if fine else "BAD ") + words, flush=True)
 
-    with tempfile.TemporaryDirectory() as place, ThreadPoolExecutor(asked.side) as pool:
+    with tempfile.TemporaryDirectory() as place, ThreadPoolExecutor(side) as pool:
         motion = Path(place) / "design.json"
         design("ur5", DesignSettings(starts=1), output=motion)
-        list(pool.map(work, [cases[k :: asked.side] for k in range(asked.side)]))
+        list(pool.map(work, [cases[k::side] for k in range(side)]))
     print(f"{len(cases)} runs, {recorded} recorded something, {len(cases) - good} broke a promise")
-    raise SystemExit(good < len(cases))
+    return good < len(cases)
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -8,13 +8,12 @@ reports. Without the recordings at ../shared/data (or the folder given) there is
     python benchmarks/real_recordings.py [DATA [NAME...]]
 """
 
-import sys
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from shared.measuring import DATA, ROOT, print_head, print_row
+from shared.measuring import DATA, ROOT, print_head, print_row, run
 
 import dynid
 
@@ -161,12 +160,11 @@ def cells(case: Case, preset: str, purpose: str) -> tuple[str, ...]:
     )
 
 
-def main(words: list[str]) -> int:
+def main(data: Path = DATA, names: tuple[str, ...] = (), /) -> None:
     """Print the table."""
-    data = Path(words[0]) if words else DATA
     if not data.exists():
         print(f"no recordings at {data}: nothing to measure")
-        return 0
+        return
     columns = (
         "recording",
         "preset",
@@ -181,12 +179,11 @@ def main(words: list[str]) -> int:
     )
     print_head(columns)
     for case in cases(data):
-        if words[1:] and not case.name.startswith(tuple(words[1:])):
+        if names and not case.name.startswith(tuple(names)):
             continue
-        for words_of in (("paper", "anywhere"), ("best", "anywhere"), ("best", "this-motion")):
-            print_row(cells(case, *words_of))
-    return 0
+        for words in (("paper", "anywhere"), ("best", "anywhere"), ("best", "this-motion")):
+            print_row(cells(case, *words))
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    run(main)

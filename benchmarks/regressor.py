@@ -12,14 +12,13 @@ Needs pinocchio: pip install 'dynid[dev]'.
 """
 
 import os
-import sys
 from collections.abc import Callable
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
-from shared.measuring import fastest
+from shared.measuring import fastest, run
 from shared.pinocchio_arm import PinocchioArm
 
 from dynid.excitation import CRITERIA, Criterion, GramKernel, parse_criterion
@@ -43,15 +42,12 @@ def columns(model: InverseDynamicModel, theirs: PinocchioArm) -> bool:
     by_joint = model.motion(q, dq, ddq)
     loop_out = np.empty((COLUMN_SAMPLES, n, 10 * n))
     columns_out = np.zeros((10 * n, n, COLUMN_SAMPLES))
-    stack_out = np.zeros((len(model.columns), n, COLUMN_SAMPLES))
     reference = "pinocchio, loop over computeJointTorqueRegressor, 60 columns"
     asked = "dynid, inertial_columns, 60 columns"
     times = fastest(
         {
             reference: lambda: theirs.loop(q, dq, ddq, loop_out),
             asked: lambda: inertial_columns(constants, by_joint, columns_out),
-            "dynid, stack, 78 columns": lambda: model.stack(q, dq, ddq, out=stack_out),
-            "dynid, stack, 78 columns, memory new each time": lambda: model.stack(q, dq, ddq),
         },
         COLUMN_ROUNDS,
     )
@@ -123,12 +119,12 @@ def designs(model: InverseDynamicModel, theirs: PinocchioArm) -> bool:
     return ratio <= ASKED_VALUE and worst <= ASKED_GRADIENT
 
 
-def main() -> int:
-    """Print the tables; 1 if an asked figure is missed."""
+def main() -> bool:
+    """Print the tables; true if an asked figure is missed."""
     model = InverseDynamicModel(robot=load_robot("ur5"), frames="dh")
     theirs = PinocchioArm(model.robot, model.frames)
-    return int(not all([columns(model, theirs), designs(model, theirs)]))
+    return not all([columns(model, theirs), designs(model, theirs)])
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

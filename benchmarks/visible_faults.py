@@ -10,13 +10,13 @@ less than `SEEN` of its standard deviations changes torques that far less than t
 nobody can name it.
 """
 
-import argparse
 import sys
 from collections import Counter
 from dataclasses import replace
 from time import process_time
 
 import numpy as np
+from shared.measuring import run
 
 from dynid.bench import cases, recorded
 from dynid.bench.plants import plant
@@ -104,14 +104,8 @@ def _change(
 
 
 @one_thread()
-def main() -> None:
-    """Print a line a case, then the shares."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--seed", type=int, default=0)
-    options.add_argument("--clean", type=int, default=4)
-    options.add_argument("--each", type=int, default=3)
-    options.add_argument("--small", action="store_true", help="small faults too")
-    told = options.parse_args()
+def main(seed: int = 0, clean: int = 4, each: int = 3, small: bool = False) -> None:
+    """Print a line a case, of small faults too where asked, then the shares."""
     count: Counter[tuple[str, str]] = Counter()
     joints: list[int | None] = []
 
@@ -125,8 +119,8 @@ def main() -> None:
         )
 
     start = process_time()
-    for case in cases(told.seed, told.clean, told.each):
-        if case.fault and case.size == "small" and not told.small:
+    for case in cases(seed, clean, each):
+        if case.fault and case.size == "small" and not small:
             continue
         (row,) = run_verdicts(judge, [case])
         size = case.size if case.fault else "clean"
@@ -144,4 +138,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -1,5 +1,7 @@
-"""What the benchmarks share: times in turn, processes that are measured, tables."""
+"""What the benchmarks share: options, times in turn, processes that are measured, tables."""
 
+import argparse
+import inspect
 import os
 import platform
 import subprocess
@@ -8,12 +10,38 @@ import time
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src"
 DATA = ROOT.parent / "shared" / "data"
+
+
+def run(main: Callable[..., object]) -> NoReturn:
+    """Call a script's `main`, whose parameters are its options, and exit with what it returns.
+
+    Parameters have defaults, tuples where several values may stand; those before `/` are named by
+    their place.
+    """
+    form, about = argparse.RawDescriptionHelpFormatter, sys.modules["__main__"].__doc__
+    parser = argparse.ArgumentParser(description=about, formatter_class=form)
+    placed: list[str] = []
+    for name, one in inspect.signature(main).parameters.items():
+        default, many = one.default, isinstance(one.default, tuple)
+        kind = type([*default, ""][0] if many else default)
+        if one.kind is one.POSITIONAL_ONLY:
+            placed.append(name)
+            parser.add_argument(name, nargs="*" if many else "?", type=kind, default=default)
+        elif kind is bool:
+            parser.add_argument(f"--{name.replace('_', '-')}", action="store_true")
+        else:
+            words = {"nargs": "+"} if many else {}
+            parser.add_argument(f"--{name}", type=kind, default=default, **words)
+    given = vars(parser.parse_args())
+    first = [given.pop(name) for name in placed]
+    sys.exit(main(*first, **given))
 
 
 def commit() -> str:
