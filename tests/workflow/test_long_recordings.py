@@ -152,7 +152,7 @@ def test_a_disk_without_room_for_the_pass_does_not_end_it(
         raise JobError("the file cannot be written")
 
     monkeypatch.setattr(long_module, "SAVE_S", 0.0)
-    monkeypatch.setattr(long_module, "write_arrays", full)
+    monkeypatch.setattr("dynid.core.write_arrays", full)
     partial = tmp_path / "e.json.partial"
     assert fit_long([open_stored(stored, UR5)], UR5, PAPER, partial=partial).estimate.samples
     assert not partial.exists()

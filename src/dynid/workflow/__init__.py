@@ -41,13 +41,13 @@ from dynid.workflow.running import run_design as run_design
 from dynid.workflow.running import simulate_recording as simulate_recording
 from dynid.workflow.running import truth_path as truth_path
 from dynid.workflow.shared_inertias import SharedIdentification as SharedIdentification
+from dynid.workflow.shared_inertias import TemperatureIdentification as TemperatureIdentification
 from dynid.workflow.shared_inertias import identify_gains as identify_gains
 from dynid.workflow.shared_inertias import (
     identify_gains_from_payload as identify_gains_from_payload,
 )
 from dynid.workflow.shared_inertias import identify_payload as identify_payload
 from dynid.workflow.shared_inertias import identify_shared as identify_shared
-from dynid.workflow.temperature import TemperatureIdentification as TemperatureIdentification
-from dynid.workflow.temperature import identify_temperature as identify_temperature
+from dynid.workflow.shared_inertias import identify_temperature as identify_temperature
 from dynid.workflow.until import RunUntil as RunUntil
 from dynid.workflow.until import run_until as run_until

@@ -9,18 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import (
-    InputError,
-    JobError,
-    Progress,
-    make_folder,
-    require,
-    require_absent,
-    silent,
-    told,
-    write_json,
-    write_text,
-)
+from dynid import core
 from dynid.excitation import ExcitationDesign
 from dynid.experiment import stop_on_signals
 from dynid.identification import write_estimate
@@ -125,7 +114,9 @@ Records = dict[tuple[str, str], ExperimentRecord]
 """By thermal state and what they are recorded for."""
 
 
-def _make_recordings(folder: Path, quick: bool, tell: Progress) -> tuple[ExcitationDesign, Records]:
+def _make_recordings(
+    folder: Path, quick: bool, tell: core.Progress
+) -> tuple[ExcitationDesign, Records]:
     """Design two motions, the first to identify from, and run them on a simulated controller.
 
     Raises:
@@ -147,7 +138,7 @@ def _make_recordings(folder: Path, quick: bool, tell: Progress) -> tuple[Excitat
         if designs[-1].interrupted:
             raise KeyboardInterrupt
         if not designs[-1].feasible:
-            raise JobError("the search found no motion within the limits", where=str(folder))
+            raise core.JobError("the search found no motion within the limits", where=str(folder))
     records: Records = {}
     for k, thermal in enumerate(THERMAL):
         for (name, seed), what in zip(PURPOSES, RECORDED, strict=True):
@@ -212,7 +203,7 @@ class Demo:
             "comparison": self.change.to_json(),
             "choices": list(self.best.estimate.choices),
             "warnings": {
-                name: told(one.warnings)["warnings"]
+                name: core.told(one.warnings)["warnings"]
                 for name, one in (("best", self.best), ("paper", self.paper))
             },
             "files": [str(path) for path in self.files],
@@ -225,7 +216,7 @@ def run_demo(
     *,
     quick: bool = False,
     force: bool = False,
-    progress: Progress | None = None,
+    progress: core.Progress | None = None,
 ) -> Demo:
     """The paper from end to end on the simulated UR5.
 
@@ -244,15 +235,15 @@ def run_demo(
     """
     started = time.perf_counter()
     # Said now, not after minutes of search by the process that needs it.
-    require("mujoco", "sim")
-    tell: Progress = progress or silent
+    core.require("mujoco", "sim")
+    tell: core.Progress = progress or core.silent
     if not str(directory).strip():
-        raise InputError("the directory has no name", where="-o")
-    folder = make_folder(directory)
+        raise core.InputError("the directory has no name", where="-o")
+    folder = core.make_folder(directory)
     unfinished = folder / UNFINISHED
     files = tuple(folder / name for name in _names())
-    require_absent(*files, force=force or unfinished.exists())
-    write_text(
+    core.require_absent(*files, force=force or unfinished.exists())
+    core.write_text(
         unfinished, "The demo that wrote these files has not ended: the next replaces them.\n"
     )
     robot = load_robot(ROBOT)
@@ -283,7 +274,7 @@ def run_demo(
         files=files,
         wall_s=time.perf_counter() - started,
     )
-    write_json(files[-1], demo.to_json())
+    core.write_json(files[-1], demo.to_json())
     unfinished.unlink(missing_ok=True)
     return demo
 

@@ -13,17 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from dynid import core
 from dynid.constraints import Certificate, MotionConstraints, Unjudged, certify
-from dynid.core import (
-    InputError,
-    JsonFields,
-    Value,
-    content_hash,
-    dynid_version,
-    file_hash,
-    load_object,
-    provenance,
-)
 from dynid.excitation import ExcitationDesign
 from dynid.robot import RobotLike, RobotModel, Tool, load_robot, robot_to_json
 from dynid.settings import LimitSettings, SceneSettings
@@ -58,7 +49,7 @@ def robot_hash(robot: RobotModel) -> str:
     # Where numbers come from may change, and how a path was written; twelve digits survive another
     # machine's rounding.
     told = ("source", "notes", "urdf", "file", "body_notes")
-    return content_hash({k: facts[k] for k in facts if k not in told}, 12)
+    return core.content_hash({k: facts[k] for k in facts if k not in told}, 12)
 
 
 def _digest_of(
@@ -78,19 +69,19 @@ def _digest_of(
     more = {name: value for name, value in stored.extra.items() if name != "design"} | unknown
     bounds = {name: value.tolist() for name, value in asdict(stored.limits).items()}
     parts = {
-        "motion": content_hash(trajectory_to_json(stored.trajectory)),
+        "motion": core.content_hash(trajectory_to_json(stored.trajectory)),
         "robot": robot,
-        "scene": content_hash(around),
-        "tool": content_hash({name: np.ravel(x).tolist() for name, x in asdict(tool).items()}),
-        "limits": content_hash([held, bounds]),
-        "statements": content_hash([rest, stored.robot, stored.provenance.to_json(), more]),
-        "version": dynid_version(),
+        "scene": core.content_hash(around),
+        "tool": core.content_hash({name: np.ravel(x).tolist() for name, x in asdict(tool).items()}),
+        "limits": core.content_hash([held, bounds]),
+        "statements": core.content_hash([rest, stored.robot, stored.provenance.to_json(), more]),
+        "version": core.dynid_version(),
     }
-    return {**parts, "sha256": content_hash(parts)}
+    return {**parts, "sha256": core.content_hash(parts)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StoredDesign(Value):
+class StoredDesign(core.Value):
     """A design, or any trajectory, as its file holds it."""
 
     stored: StoredTrajectory
@@ -144,7 +135,7 @@ def open_trajectory(motion: DesignLike) -> Trajectory:
         motion = motion.stored
     found = motion if isinstance(motion, Trajectory) else getattr(motion, "trajectory", None)
     if not isinstance(found, Trajectory):
-        raise InputError("not a trajectory, a design or its file", value=type(motion).__name__)
+        raise core.InputError("not a trajectory, a design or its file", value=type(motion).__name__)
     return found
 
 
@@ -172,7 +163,7 @@ def write_design(
         write_trajectory(design.stored if isinstance(design, StoredDesign) else design, path)
         return
     facts = design.to_json()
-    limits = limits_from_json(JsonFields(facts).object("limits"))
+    limits = limits_from_json(core.JsonFields(facts).object("limits"))
     stored = StoredTrajectory(
         trajectory=design.trajectory,
         robot=design.robot,
@@ -194,7 +185,7 @@ def _beside(
 ) -> StoredDesign:
     """A trajectory, which needs no file form, for a robot beside it."""
     if robot is None:
-        raise InputError(
+        raise core.InputError(
             "a trajectory does not say which robot it is for", next_step="Pass --robot ROBOT."
         )
     around = asked or SceneSettings()
@@ -205,7 +196,7 @@ def _beside(
         trajectory=trajectory,
         robot=robot_reference(robot),
         limits=model.limits.motion,
-        provenance=provenance(),
+        provenance=core.provenance(),
     )
     return StoredDesign(stored=stored, robot=model, facts={}, limits=None, sha256="")
 
@@ -233,8 +224,8 @@ def read_design(
     limits, expected = None, None
     with _in_file(path):
         if stored.extra.get("design"):
-            facts = dict(JsonFields(stored.extra).object("design").values)
-            limits = limits_from_json(JsonFields(facts, "design.").object("limits"))
+            facts = dict(core.JsonFields(stored.extra).object("design").values)
+            limits = limits_from_json(core.JsonFields(facts, "design.").object("limits"))
             expected = _expected_percent(facts)
     if mesh_dirs is None:
         mesh_dirs = () if limits is None else limits.mesh_dirs
@@ -244,7 +235,7 @@ def read_design(
             mount=_mount(facts) if mount is None else mount,
             mesh_dirs=tuple(map(Path, mesh_dirs)),
         )
-    except InputError as error:
+    except core.InputError as error:
         step = f"{error.next_step} Or pass --robot." if error.next_step else "Pass --robot."
         what = f"the robot of the design: {error.what}"
         raise error.changed(what=what, where=str(path), next_step=step) from error
@@ -254,7 +245,7 @@ def read_design(
         robot=model,
         facts=facts,
         limits=limits,
-        sha256=file_hash(Path(path)),
+        sha256=core.file_hash(Path(path)),
         expected_percent=expected,
     )
     if limits is None:
@@ -266,7 +257,7 @@ def read_design(
 
 def _check_joints(trajectory: Trajectory, robot: RobotModel, path: str | Path) -> None:
     if robot.joints != trajectory.joints:
-        raise InputError(
+        raise core.InputError(
             "the motion is one of another robot",
             where=str(path),
             value=f"{trajectory.joints} joints",
@@ -276,13 +267,13 @@ def _check_joints(trajectory: Trajectory, robot: RobotModel, path: str | Path) -
 
 def _expected_percent(facts: dict[str, Any]) -> float | None:
     """Of one period: noise averages out with the root of their number."""
-    fields = JsonFields(facts, "design.")
+    fields = core.JsonFields(facts, "design.")
     if facts.get(PROMISED) is None:
         return None
     percent = fields.number(PROMISED)
     periods = fields.whole("repetitions") if "repetitions" in facts else 1
     if not (percent > 0 and periods > 0):
-        raise InputError(
+        raise core.InputError(
             f"design.{PROMISED} and design.repetitions must be positive", value=(percent, periods)
         )
     return percent * math.sqrt(periods)
@@ -293,7 +284,7 @@ def _in_file(path: str | Path) -> Generator[None]:
     """Errors of a design's values name its file."""
     try:
         yield
-    except InputError as error:
+    except core.InputError as error:
         where = f"{path}, {error.where}" if error.where else str(path)
         raise error.changed(where=where) from error
 
@@ -318,11 +309,11 @@ def _changed(
 ) -> tuple[str, ...]:
     if "digest" not in facts:
         return ()
-    before = JsonFields(facts, "design.").object("digest").values
+    before = core.JsonFields(facts, "design.").object("digest").values
     now = _digest_of(stored, facts, limits, robot_hash(robot), robot.tool)
     parts = {name: before.get(name) for name in now if name != "sha256"}
     found = [name for name in parts if parts[name] != now[name]]
-    if before.get("sha256") != content_hash(parts) or set(before) != set(now):
+    if before.get("sha256") != core.content_hash(parts) or set(before) != set(now):
         found.append("digest")
     return tuple(found)
 
@@ -369,7 +360,11 @@ def judge_of(design: StoredDesign, asked: SceneSettings) -> tuple[DesignLimits, 
 def _stale(limits: DesignLimits) -> bool:
     """Whether there is a file of the scene's name, and it is not what was certified."""
     file = Path(limits.scene_file)
-    return limits.scene is not None and file.is_file() and load_object(file).values != limits.scene
+    return (
+        limits.scene is not None
+        and file.is_file()
+        and core.load_object(file).values != limits.scene
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -451,7 +446,7 @@ def motions_from(paths: Sequence[str | Path], robot: RobotModel) -> list[JointMo
             samples = process(path, robot)
             motions.append(JointMotion(t=samples.t, q=samples.q, dq=samples.dq, ddq=samples.ddq))
             continue
-        fields = load_object(path)
+        fields = core.load_object(path)
         with _in_file(path):
             if "poses" in fields.values:
                 poses = fields.matrix("poses")

@@ -10,19 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid import excitation
-from dynid.core import (
-    Array,
-    Finding,
-    InputError,
-    JobError,
-    Progress,
-    file_hash,
-    free_name,
-    provenance,
-    workers,
-    write_text,
-)
+from dynid import core, excitation
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
 from dynid.robot import RobotLike, RobotModel, load_robot
@@ -71,7 +59,7 @@ def design(
     settings: DesignSettings | None = None,
     *,
     output: str | Path | None = None,
-    progress: Progress | None = None,
+    progress: core.Progress | None = None,
     watch: Watch | None = None,
 ) -> excitation.ExcitationDesign:
     """Design an excitation trajectory.
@@ -108,10 +96,10 @@ def design(
 def unfinished_path(path: str | Path) -> Path:
     """Where an interrupted design goes: beside the file, if there is one, which stays."""
     path = Path(path)
-    return free_name(path, f"{path.stem}.interrupted-", path.suffix) if path.exists() else path
+    return core.free_name(path, f"{path.stem}.interrupted-", path.suffix) if path.exists() else path
 
 
-def _telling(progress: Progress | None, watch: Watch | None) -> excitation.SearchProgress:
+def _telling(progress: core.Progress | None, watch: Watch | None) -> excitation.SearchProgress:
     """Words for one, each new best motion for the other."""
     told: list[excitation.HistoryEntry] = []
 
@@ -147,7 +135,7 @@ class _DesignJob:
         model = InverseDynamicModel(robot=robot, frames=asked.frames, friction=terms)
         self.base = reduce_model(model)
         given = None if asked.noise is None else _each(asked.noise, robot.joints, "--noise")
-        self.weights: Array | None = given
+        self.weights: core.Array | None = given
         excitation.check_room(self.judge, excitation.region_of(self._problem(asked.period_s, None)))
         if asked.motions:
             source = ", ".join(map(str, asked.motions))
@@ -156,9 +144,9 @@ class _DesignJob:
             source, motions = excitation.ANYWHERE, excitation.safe_motions(self.base, self.judge)
         self.purpose = excitation.purpose_of(self.base, motions, source)
         assumed = excitation.assumed_noise(robot, self.purpose.torque)
-        self.noise: Array = assumed if given is None else given
+        self.noise: core.Array = assumed if given is None else given
         self.weights = given if asked.minimised in PAPER else self.noise
-        self.previous: Array | None = self._information(self.noise) if asked.previous else None
+        self.previous: core.Array | None = self._information(self.noise) if asked.previous else None
 
     def design(self, period_s: float) -> excitation.ExcitationDesign:
         """The design of one period."""
@@ -177,7 +165,7 @@ class _DesignJob:
             needed = period * self._repetitions(found, percent)
             count = max(math.ceil(needed / period), 1)
             if needed > LONGEST_S:
-                raise JobError(
+                raise core.JobError(
                     f"the accuracy of {percent:g} % would take {needed:.0f} s of motion",
                     next_step=f"Ask for less: {LONGEST_S:g} s are the most that are designed for.",
                 )
@@ -191,7 +179,7 @@ class _DesignJob:
                 break
             period = fitting
         if best is None:
-            raise JobError("no design was found", next_step="Give the arm more room.")
+            raise core.JobError("no design was found", next_step="Give the arm more room.")
         return best
 
     def _problem(
@@ -219,7 +207,7 @@ class _DesignJob:
             start_pose=None if start is None else np.array(start),
         )
 
-    def _information(self, noise: Array | None) -> Array:
+    def _information(self, noise: core.Array | None) -> core.Array:
         """The Gram matrix (b, b) of earlier recordings, their friction free to be another."""
         total = np.zeros((self.base.rank, self.base.rank))
         kernel = self._kernel(noise)
@@ -231,21 +219,21 @@ class _DesignJob:
             total += excitation.without_friction(gram, self.base)
         return total
 
-    def _kernel(self, noise: Array | None) -> excitation.GramKernel:
+    def _kernel(self, noise: core.Array | None) -> excitation.GramKernel:
         return excitation.GramKernel(self.base.model, self.base, noise=noise, coulomb_width=None)
 
-    def _weighted_gram(self, found: excitation.ExcitationDesign) -> Array:
+    def _weighted_gram(self, found: excitation.ExcitationDesign) -> core.Array:
         motion = found.trajectory.evaluate(np.arange(found.samples) / self.asked.rate_hz)
         return self._kernel(self.noise).gram(motion.q, motion.dq, motion.ddq)
 
-    def _expected(self, gram: Array, repetitions: float) -> excitation.Expected:
+    def _expected(self, gram: core.Array, repetitions: float) -> excitation.Expected:
         return excitation.expected(repetitions * gram, self.purpose, self.noise, self.previous)
 
     def _repetitions(self, found: excitation.ExcitationDesign, percent: float) -> float:
         """How many periods reach the accuracy, as a real number."""
         gram = self._weighted_gram(found)
         if not math.isfinite(self._expected(gram, 1.0).bound_percent):
-            raise InputError(
+            raise core.InputError(
                 "the torque of this robot is unknown, so no error of it is a percentage",
                 where="--accuracy",
                 next_step="Give masses and centres of mass of its links.",
@@ -307,15 +295,15 @@ class _DesignJob:
             seed=asked.seed,
             ended_by=search.ended_by,
             history=tuple(search.history),
-            provenance=provenance(
-                {str(path): file_hash(Path(path)) for path in inputs if path},
+            provenance=core.provenance(
+                {str(path): core.file_hash(Path(path)) for path in inputs if path},
                 asked.to_json(),
                 asked.seed,
             ),
             settings={**self.limits.to_json(), ROBOT: robot_hash(self.robot)},
         )
 
-    def _findings(self, told: excitation.Expected, periods: int) -> tuple[Finding, ...]:
+    def _findings(self, told: excitation.Expected, periods: int) -> tuple[core.Finding, ...]:
         """What the motion does not excite."""
         if not told.torque_error_percent > WEAK_PERCENT:
             return ()
@@ -325,7 +313,7 @@ class _DesignJob:
         names = ", ".join(self.base.names[k] for k in worst[:6])
         lost = f"; not identified: {len(worst)} parameters, the first {names}" if worst else ""
         return (
-            Finding(
+            core.Finding(
                 kind="weak_excitation",
                 text=f"the motion excites too little: {periods} periods leave an expected torque "
                 f"error of {told.torque_error_percent:.3g} %, limit {WEAK_PERCENT:g} %{lost}",
@@ -354,13 +342,15 @@ def _optimised(
     elif starts is None:
         patience = PATIENCE
     effort = excitation.Effort(starts=starts, budget_s=asked.budget_s, patience=patience)
-    with workers(asked.jobs, asked.dask) as found:
+    with core.workers(asked.jobs, asked.dask) as found:
         return excitation.by_gradient(problem, effort, seed=asked.seed, beside=found, tell=tell)
 
 
-def _each(values: Sequence[float], joints: int, where: str) -> Array:
+def _each(values: Sequence[float], joints: int, where: str) -> core.Array:
     if len(values) != joints:
-        raise InputError("needs a number a joint", where=where, value=len(values), limit=joints)
+        raise core.InputError(
+            "needs a number a joint", where=where, value=len(values), limit=joints
+        )
     return np.array(values)
 
 
@@ -377,7 +367,7 @@ def check_export(kind: str, robot: RobotLike, trajectory: str) -> None:
             no limits that it needs.
     """
     if kind in LANGUAGES and trajectory != "points":
-        raise InputError(
+        raise core.InputError(
             "holds motions through points alone",
             where=f"--{kind}",
             value=trajectory,
@@ -387,9 +377,9 @@ def check_export(kind: str, robot: RobotLike, trajectory: str) -> None:
     if kind in LANGUAGES:
         check_points(kind, model.joints, model.limits.motion)
     elif kind == "urscript" and model.joints != 6:
-        raise InputError("needs six joints", where=f"--{kind}", value=model.joints, limit=6)
+        raise core.InputError("needs six joints", where=f"--{kind}", value=model.joints, limit=6)
     if kind in {"urscript", *LANGUAGES} - {"waypoints"} and any(model.prismatic):
-        raise InputError(
+        raise core.InputError(
             "holds angles alone, and this joint slides",
             where=f"--{kind}",
             value=model.joint_names[list(model.prismatic).index(True)],
@@ -422,4 +412,4 @@ def export_motion(design: excitation.ExcitationDesign, kind: str, path: str | Pa
             text = ur_program(design.trajectory, comment=comment, fed=False)
         case _:
             text = points_text(design.trajectory, kind, design.limits, comment=said)
-    write_text(Path(path), text)
+    core.write_text(Path(path), text)

@@ -8,17 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import (
-    DynidError,
-    InputError,
-    Progress,
-    check_word,
-    make_folder,
-    provenance,
-    silent,
-    workers,
-    write_text,
-)
+from dynid import core
 from dynid.export import ExportedFile, write_model
 from dynid.identification import Estimate, open_estimate, write_estimate
 from dynid.recording import (
@@ -55,7 +45,7 @@ def identify_files(
     gains: Sequence[float] | None = None,
     jobs: int = 1,
     dask: str | None = None,
-    progress: Progress | None = None,
+    progress: core.Progress | None = None,
 ) -> Identification:
     """Identify from recordings, validate if asked to, write the estimate if told where.
 
@@ -81,7 +71,7 @@ def identify_files(
             other = open_record(paths[-1], model, gains)
         elif validation_start_s is not None or validation_stop_s is not None:
             if len(records) > 1:
-                raise InputError(
+                raise core.InputError(
                     "a validation window needs a recording",
                     value=f"{len(records)} recordings",
                     next_step="Name it with --validate RECORD.",
@@ -95,7 +85,7 @@ def identify_files(
             with _of_validation():
                 ProcessingSettings(start_s=validation_start_s, stop_s=validation_stop_s)
                 window(other.t, validation_start_s, validation_stop_s)
-        with workers(jobs, dask) as beside:
+        with core.workers(jobs, dask) as beside:
             result = identify(
                 records,
                 model,
@@ -117,7 +107,7 @@ def _of_validation() -> Generator[None]:
     """What is wrong with a window is told of the options of the validation."""
     try:
         yield
-    except InputError as error:
+    except core.InputError as error:
         raise error.changed(where="--validate-from, --validate-to") from error
 
 
@@ -129,7 +119,7 @@ def _window_of(
         return record
     grid = survey(record, ProcessingSettings(start_s=start_s, stop_s=stop_s))
     if grid.last_row - grid.first_row > LONG:
-        raise InputError(
+        raise core.InputError(
             "the window is too long to be predicted at once",
             where="--from, --to",
             value=f"{grid.last_row - grid.first_row} rows",
@@ -158,9 +148,11 @@ def validate_files(
     Raises:
         InputError: Files that cannot be read, or do not belong together.
     """
-    check_word(refit or "friction", ("friction",), "--refit")
+    core.check_word(refit or "friction", ("friction",), "--refit")
     if output is not None and refit is None:
-        raise InputError("nothing to write without --refit", where="--output", value=str(output))
+        raise core.InputError(
+            "nothing to write without --refit", where="--output", value=str(output)
+        )
     known = open_estimate(estimate, at_degC)
     record = open_record(recording, known.model.robot, gains)
     # What is new: of the refit, and of a temperature beyond the recordings.
@@ -187,7 +179,7 @@ def _refitted(
     return replace(
         found,
         choices=(*found.choices, words),
-        provenance=provenance(made.inputs, {**made.settings, REFIT: rows}, made.seed),
+        provenance=core.provenance(made.inputs, {**made.settings, REFIT: rows}, made.seed),
     )
 
 
@@ -241,7 +233,7 @@ def fit(
     validation: RecordLike | None = None,
     gains: Sequence[float] | None = None,
     settings: IdentifySettings | None = None,
-    progress: Progress | None = None,
+    progress: core.Progress | None = None,
 ) -> LogFit:
     """Identify a robot from logs at hand: import, identify, validate, export and report.
 
@@ -261,10 +253,10 @@ def fit(
             be written.
         JobError: A singular problem, or a full disk.
     """
-    tell = progress or silent
+    tell = progress or core.silent
     given = as_list(logs)
     if not given:
-        raise InputError("needs at least one log")
+        raise core.InputError("needs at least one log")
     model = load_robot(robot, collision=False)
     kinds = ["log"] if len(given) == 1 else [f"log{k + 1}" for k in range(len(given))]
     read = dict(zip(kinds, given, strict=True))
@@ -292,7 +284,7 @@ def fit(
         progress=lambda what, share: tell(what, 0.1 + 0.6 * share),
     )
     unfinished = folder / UNFINISHED
-    write_text(
+    core.write_text(
         unfinished, "The fit that wrote these files has not ended: the next replaces them.\n"
     )
     for record, path in zip(records, paths, strict=True):
@@ -304,7 +296,7 @@ def fit(
         tell(f"write {name}", 0.7 + 0.05 * k)
         try:
             exports.append(write_model(result.estimate, folder / name, to))
-        except DynidError as error:
+        except core.DynidError as error:
             failed.append((to, error.line))
     page, _ = report(
         folder, folder / REPORT, progress=lambda what, share: tell(what, 0.85 + 0.15 * share)
@@ -323,14 +315,14 @@ def fit(
 
 
 def _folder(output: str | Path, recordings: Sequence[Path]) -> Path:
-    folder = make_folder(output)
+    folder = core.make_folder(output)
     written = (*(path.name for path in recordings), ESTIMATE, REPORT, *MODELS.values())
     taken = [name for name in written if (folder / name).exists()]
     if (folder / UNFINISHED).exists():
         for name in taken:
             (folder / name).unlink()
     elif taken:
-        raise InputError(
+        raise core.InputError(
             "the folder already holds results, and nothing is replaced",
             where="-o",
             value=f"{folder}: {', '.join(taken)}",

@@ -14,30 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from dynid import identification
-from dynid.core import (
-    Finding,
-    InputError,
-    Progress,
-    each,
-    in_one_piece,
-    one_thread,
-    silent,
-    told,
-    workers,
-    write_text,
-)
+from dynid import core, identification
 from dynid.recording import is_url
 from dynid.report import write_fleet_page
 from dynid.settings import FleetSettings
-from dynid.workflow.fleet_files import (
-    COLUMNS,
-    MANIFEST,
-    FleetRecording,
-    base_of,
-    of_one_type,
-    read_folder,
-)
+from dynid.workflow import fleet_files
 
 TABLE, PAGE = "estimates.parquet", "report.html"
 CACHE = "statistics"
@@ -55,7 +36,7 @@ class Fleet:
     """Folder of the results."""
     settings: FleetSettings
     """How they were computed."""
-    recordings: tuple[FleetRecording, ...]
+    recordings: tuple[fleet_files.FleetRecording, ...]
     """All recordings that were used."""
     skipped: tuple[tuple[str, str], ...]
     """Recordings that were not used, each with the reason."""
@@ -63,7 +44,7 @@ class Fleet:
     """State and trend of each joint of each robot."""
     tests: int
     """Trends that were tested together."""
-    findings: tuple[Finding, ...]
+    findings: tuple[core.Finding, ...]
     """Alarms, and what is missing in the recordings."""
 
     @property
@@ -100,7 +81,7 @@ class Fleet:
             "false_alarm_rate": self.settings.false_alarms,
             "tests": self.tests,
             "files": [str(self.output / name) for name in (TABLE, PAGE, STATE, METRICS)],
-            **told(self.findings),
+            **core.told(self.findings),
         }
 
 
@@ -109,7 +90,7 @@ def fleet(
     output: str | Path = "runs/fleet",
     settings: FleetSettings | None = None,
     *,
-    progress: Progress | None = None,
+    progress: core.Progress | None = None,
 ) -> Fleet:
     """Identify the recordings of a fleet together, follow friction over time, raise alarms.
 
@@ -130,23 +111,23 @@ def fleet(
     asked, target = settings or FleetSettings(), Path(output)
     held = () if is_url(folder) else (Path(folder).resolve(), *Path(folder).resolve().parents)
     if target.resolve() in held:
-        raise InputError(
+        raise core.InputError(
             "the output must not hold the recordings",
             where="-o",
             value=str(target),
             next_step="Name another folder.",
         )
-    with workers(asked.jobs, asked.dask) as beside:
-        recordings, skipped = read_folder(
+    with core.workers(asked.jobs, asked.dask) as beside:
+        recordings, skipped = fleet_files.read_folder(
             folder,
             target / CACHE,
             model=None if asked.robot is None else str(asked.robot),
             terms=asked.terms,
             beside=beside,
-            progress=progress or silent,
+            progress=progress or core.silent,
         )
         if not recordings:
-            raise InputError(
+            raise core.InputError(
                 "no recording in the folder can be used",
                 where=str(folder),
                 value="; ".join(f"{name}: {why}" for name, why in skipped[:3]) or None,
@@ -154,13 +135,13 @@ def fleet(
             )
         robots = _by_robot(recordings)
         for robot, group in robots.items():
-            robots[robot], others = of_one_type(robot, group)
+            robots[robot], others = fleet_files.of_one_type(robot, group)
             skipped = [*skipped, *others]
         family = 2 * sum(len(group[0].temperature_degC) for group in robots.values())
         # Enough for the smallest p value to count after the correction.
         permutations = math.ceil(max(FEWEST, SPARE * family / asked.false_alarms))
         tasks = [(robot, group, asked, permutations) for robot, group in robots.items()]
-        by_robot = dict(each(_robot, tasks, beside, tell=progress, words="robots"))
+        by_robot = dict(core.each(_robot, tasks, beside, tell=progress, words="robots"))
     joints = [joint for k in sorted(by_robot) for joint in by_robot[k][0]]
     rows = [row for k in sorted(by_robot) for row in by_robot[k][1]]
     strange = {one.path for *_, others in by_robot.values() for one in others}
@@ -193,13 +174,15 @@ def fleet(
     return result
 
 
-def _by_robot(recordings: Sequence[FleetRecording]) -> dict[str, list[FleetRecording]]:
+def _by_robot(
+    recordings: Sequence[fleet_files.FleetRecording],
+) -> dict[str, list[fleet_files.FleetRecording]]:
     return {name: list(group) for name, group in groupby(recordings, key=lambda one: one.robot)}
 
 
 def _missing(
-    recordings: Sequence[FleetRecording], reference_degC: float | None
-) -> Iterator[Finding]:
+    recordings: Sequence[fleet_files.FleetRecording], reference_degC: float | None
+) -> Iterator[core.Finding]:
     """What the recordings do not say, and how to say it."""
     unnamed = [one.path for one in recordings if not one.robot]
     undated = [one.path for one in recordings if np.isnan(one.time_s)]
@@ -210,11 +193,11 @@ def _missing(
         ("extrapolated", "joint temperatures, which cannot be regressed out", unknown),
     ):
         if names:
-            yield Finding(
+            yield core.Finding(
                 kind,
                 f"recordings without {what}: {len(names)} ({', '.join(names[:3])})",
                 value=float(len(names)),
-                next_step=f"give it in {MANIFEST} ({','.join(COLUMNS)})",
+                next_step=f"give it in {fleet_files.MANIFEST} ({','.join(fleet_files.COLUMNS)})",
             )
     temperatures = np.concatenate([one.temperature_degC for one in recordings])
     if reference_degC is not None and not np.isnan(temperatures).all():
@@ -224,7 +207,7 @@ def _missing(
                 f"the reference of {reference_degC:g} degC is beyond the joint temperatures of all "
                 f"recordings, {low:.3g} to {high:.3g} degC: friction there is extrapolated"
             )
-            yield Finding("extrapolated", text, next_step="Leave --reference out.")
+            yield core.Finding("extrapolated", text, next_step="Leave --reference out.")
     known = Counter(one.robot for one in recordings if not np.isnan(one.time_s))
     least = identification.LEAST_RECORDINGS
     rare = [one for one in recordings if known[one.robot] < least]
@@ -234,29 +217,31 @@ def _missing(
             f"robots with fewer than {least} recordings with a time have "
             f"no trends: {', '.join(few[:3])}{f' and {len(few) - 3} more' if few[3:] else ''}"
         )
-        yield Finding("not_diagnosed", text, value=float(len(few)))
+        yield core.Finding("not_diagnosed", text, value=float(len(few)))
 
 
-def _unreachable(joints: Sequence[identification.JointState], family: float) -> Iterator[Finding]:
+def _unreachable(
+    joints: Sequence[identification.JointState], family: float
+) -> Iterator[core.Finding]:
     """Robots without alarms whatever happens; the family is all tests over the false alarms."""
     sizes = {one.robot: len(one.friction.std) for one in joints if one.friction.known}
     # Of n recordings in all orders, n over n/2 have different ones before and after a step.
     few = [name for name, size in sizes.items() if math.comb(size, size // 2) < family]
     if few:
         text = f"no change of {', '.join(few[:3])} can raise an alarm yet: too few recordings for"
-        yield Finding("not_diagnosed", f"{text} so many trends", value=float(len(few)))
+        yield core.Finding("not_diagnosed", f"{text} so many trends", value=float(len(few)))
 
 
-@one_thread()
+@core.one_thread()
 def _robot(
-    task: tuple[str, Sequence[FleetRecording], FleetSettings, int],
-) -> tuple[list[identification.JointState], list[dict[str, Any]], list[FleetRecording]]:
+    task: tuple[str, Sequence[fleet_files.FleetRecording], FleetSettings, int],
+) -> tuple[list[identification.JointState], list[dict[str, Any]], list[fleet_files.FleetRecording]]:
     """The joints of one robot, not yet judged, its rows of the table, and recordings left out.
 
     Runs in a worker.
     """
     robot, group, asked, permutations = task
-    base = base_of(group[0].model, asked.terms, group[0].mount)
+    base = fleet_files.base_of(group[0].model, asked.terms, group[0].mount)
     model = base.model.robot
     states = identification.solve_robot([one.statistics for one in group])
     left = list(compress(group, states.strange))
@@ -348,14 +333,14 @@ def _robot(
     return joints, rows, left
 
 
-def _alarm(joint: identification.JointState) -> Finding:
+def _alarm(joint: identification.JointState) -> core.Finding:
     """An alarm as a finding."""
     step, low, high = joint.change_percent
     friction, control = joint.friction, joint.control
     size = 100.0 * control.change
     if joint.alarm == "friction_drift":
         since = _moment(float(friction.time_s[friction.step_at]))
-        return Finding(
+        return core.Finding(
             "friction_drift",
             f"{joint.robot}, {joint.name}: friction changed by {step:+.1f} % ({low:+.1f} to "
             f"{high:+.1f}) about {since:%Y-%m-%d %H:%M} UTC, "
@@ -367,7 +352,7 @@ def _alarm(joint: identification.JointState) -> Finding:
             unit="%",
             next_step="Check gear, brake and lubrication of this joint",
         )
-    return Finding(
+    return core.Finding(
         "torque_scale",
         f"{joint.robot}, {joint.name}: the torque of the inertias changed by {size:+.1f} %, "
         f"p {joint.control_p:.2g}: drive gain, load or sensor, not friction alone",
@@ -453,7 +438,7 @@ def _write_table(target: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     types["timestamp"] = arrow.timestamp("ms", "UTC")
     schema = arrow.schema([(name, types[kind]) for name, kind in TABLE_COLUMNS.items()])
     table = arrow.Table.from_pylist(rows, schema=schema)
-    with in_one_piece(target) as draft:
+    with core.in_one_piece(target) as draft:
         parquet.write_table(table, draft, compression="zstd")
 
 
@@ -466,7 +451,7 @@ def _write_state(
     writer = csv.DictWriter(text, list(state[0]), lineterminator="\n")
     writer.writeheader()
     writer.writerows(state)
-    write_text(folder / STATE, text.getvalue())
+    core.write_text(folder / STATE, text.getvalue())
     lines: list[str] = []
     for name, help_text, key in (
         ("friction", "Friction level at the reference speed and temperature, SI units", "friction"),
@@ -481,4 +466,4 @@ def _write_state(
             if np.isfinite(value):
                 lines.append(f'dynid_{name}{{robot="{label}",joint="{row["joint"]}"}} {value:g}')
     lines += ["# TYPE dynid_recordings gauge", f"dynid_recordings {recordings}"]
-    write_text(folder / METRICS, "\n".join(lines) + "\n")
+    core.write_text(folder / METRICS, "\n".join(lines) + "\n")

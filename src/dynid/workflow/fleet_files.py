@@ -13,22 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import (
-    Array,
-    DynidError,
-    InputError,
-    Progress,
-    Value,
-    Workers,
-    content_hash,
-    each,
-    file_hash,
-    like_named,
-    make_folder,
-    one_thread,
-    read_arrays,
-    write_arrays,
-)
+from dynid import core
 from dynid.identification import IdentificationProblem, RecordStatistics, record_statistics
 from dynid.recording import is_url, local_files, objects_below, open_record, signals_hash
 from dynid.reduction import BaseParametrization, reduce_model
@@ -52,7 +37,7 @@ EPOCH_FROM_S = 1e8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FleetRecording(Value):
+class FleetRecording(core.Value):
     """One recording of a fleet, and what it contributes."""
 
     path: str = ""
@@ -65,7 +50,7 @@ class FleetRecording(Value):
     """How the arm was mounted; None for as in its file."""
     time_s: float
     """When it was made, seconds since 1970; NaN where nobody says."""
-    temperature_degC: Array
+    temperature_degC: core.Array
     """(n) mean joint temperatures; NaN where nobody says."""
     signals: str
     """Hash of positions and torques: copies may have other stamps."""
@@ -80,8 +65,8 @@ def read_folder(
     *,
     model: str | None,
     terms: str,
-    beside: Workers,
-    progress: Progress,
+    beside: core.Workers,
+    progress: core.Progress,
 ) -> tuple[list[FleetRecording], list[tuple[str, str]]]:
     """Statistics of all recordings below a folder; only those not in the cache are computed.
 
@@ -106,7 +91,7 @@ def read_folder(
     found = list[FleetRecording]()
     skipped, seen = list[tuple[str, str]](), dict[str, str]()
     waiting: dict[str, tuple[str, str, Mapping[str, str]]] = {}
-    make_folder(cache)
+    core.make_folder(cache)
     for name, place, digest in files:
         row = manifest.get(name, {})
         if digest in seen:
@@ -120,7 +105,9 @@ def read_folder(
             found.append(_placed(name, known, row))
     names = list(waiting)
     jobs = [(place, row.get("model") or model, terms) for place, _, row in waiting.values()]
-    for number, outcome in each(_contribution, jobs, beside, tell=progress, words="recordings"):
+    for number, outcome in core.each(
+        _contribution, jobs, beside, tell=progress, words="recordings"
+    ):
         name = names[number]
         _, digest, row = waiting[name]
         if isinstance(outcome, str):
@@ -152,11 +139,11 @@ def _contribution(job: tuple[str, str | None, str]) -> FleetRecording | str:
             mount = None if mount == "file" else mount
             base = base_of(reference, terms, mount)
             robot = base.model.robot
-        with one_thread():
+        with core.one_thread():
             samples = process(record, robot, ProcessingSettings(decimate=True))
             problem = IdentificationProblem(base=base, samples=samples)
             statistics = record_statistics(problem)
-    except DynidError as error:
+    except core.DynidError as error:
         return error.line
     named, when = (
         next((extra[key] for key in keys if extra.get(key)), "") for keys in (ROBOT_KEYS, TIME_KEYS)
@@ -186,7 +173,7 @@ def base_of(reference: str, terms: str, mount: str | None) -> BaseParametrizatio
 def _key(reference: str, terms: str) -> str:
     """What of model and settings a cached result depends on."""
     stored = robot_to_json(load_robot(reference, collision=False))
-    return content_hash([SCHEME, terms, *(stored[name] for name in _DYNAMICS)])
+    return core.content_hash([SCHEME, terms, *(stored[name] for name in _DYNAMICS)])
 
 
 _DYNAMICS = (
@@ -208,7 +195,7 @@ def _placed(name: str, known: FleetRecording, row: Mapping[str, str]) -> FleetRe
             given = float(row["temperature_degC"])
         except ValueError as error:
             said = f"a temperature in {MANIFEST} is no number"
-            raise InputError(said, where=name, value=row["temperature_degC"]) from error
+            raise core.InputError(said, where=name, value=row["temperature_degC"]) from error
         temperature = np.where(np.isnan(temperature), given, temperature)
     told = known.time_s
     return replace(
@@ -244,7 +231,7 @@ def of_one_type(
     named = [f"{one.model} ({one.mount or 'as in its file'})" for one in group]
     (usual, most), *others = Counter(named).most_common()
     if others and others[0][1] == most:
-        raise InputError(
+        raise core.InputError(
             "recordings of one robot name different models or mountings",
             where=robot,
             value=[f"{one.path}: {name}" for one, name in zip(group, named, strict=True)][:6],
@@ -277,8 +264,10 @@ def _looked_into(
     root, output = Path(folder), output.resolve()
     if not root.is_dir():
         if root.exists():
-            raise InputError("this is a file, and a fleet is a folder", where=str(folder))
-        raise InputError("there is no such folder", where=str(folder), next_step=like_named(root))
+            raise core.InputError("this is a file, and a fleet is a folder", where=str(folder))
+        raise core.InputError(
+            "there is no such folder", where=str(folder), next_step=core.like_named(root)
+        )
     paths = sorted(
         path
         for path in root.rglob("*")
@@ -287,7 +276,7 @@ def _looked_into(
         and output not in path.resolve().parents
     )
     return _manifest(root / MANIFEST), (
-        (path.relative_to(root).as_posix(), str(path), file_hash(path)) for path in paths
+        (path.relative_to(root).as_posix(), str(path), core.file_hash(path)) for path in paths
     )
 
 
@@ -308,11 +297,11 @@ def _manifest(path: Path) -> Manifest:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             rows = list(csv.DictReader(stream))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(
+        raise core.InputError(
             "the manifest cannot be read", where=str(path), value=str(error)
         ) from error
     if rows and "file" not in rows[0]:
-        raise InputError(
+        raise core.InputError(
             "the manifest needs a column `file`",
             where=str(path),
             value=", ".join(rows[0]),
@@ -328,7 +317,7 @@ def _manifest(path: Path) -> Manifest:
 
 def _cached(path: Path, model: str | None, terms: str) -> FleetRecording | None:
     """What is cached, if it is of the same model and terms; None else, or where damaged."""
-    stored = read_arrays(path)
+    stored = core.read_arrays(path)
     try:
         facts: dict[str, Any] = json.loads(str(stored.pop("facts")))
         if facts.pop("key") != _key(model or facts["model"], terms):
@@ -339,7 +328,7 @@ def _cached(path: Path, model: str | None, terms: str) -> FleetRecording | None:
             **facts, temperature_degC=temperature, statistics=statistics, computed=False
         )
     # What another version cached, or whose robot file has gone, is computed again.
-    except (KeyError, TypeError, ValueError, DynidError):
+    except (KeyError, TypeError, ValueError, core.DynidError):
         return None
 
 
@@ -348,4 +337,4 @@ def _keep(path: Path, known: FleetRecording, terms: str) -> None:
     facts = {name: getattr(known, name) for name in names}
     more = json.dumps(facts | {"key": _key(known.model, terms)})
     temperature = {"temperature_degC": known.temperature_degC}
-    write_arrays(path, {**asdict(known.statistics), **temperature, "facts": more})
+    core.write_arrays(path, {**asdict(known.statistics), **temperature, "facts": more})

@@ -11,17 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid import identification
-from dynid.core import (
-    DynidError,
-    InputError,
-    Progress,
-    Workers,
-    each,
-    read_arrays,
-    silent,
-    write_arrays,
-)
+from dynid import core, identification
 from dynid.recording import AnyRecording, ExperimentRecord, checked_records, fingerprint
 from dynid.robot import RobotModel
 from dynid.settings import IdentifySettings
@@ -72,8 +62,8 @@ def fit_long(
     settings: IdentifySettings,
     *,
     partial: Path | None = None,
-    beside: Workers | None = None,
-    progress: Progress | None = None,
+    beside: core.Workers | None = None,
+    progress: core.Progress | None = None,
 ) -> Looked:
     """Choose on a part of the recordings, then fit all of their rows; see `identify`.
 
@@ -82,10 +72,10 @@ def fit_long(
     Raises:
         InputError: An estimator that needs all rows at once, or a recording given twice.
     """
-    tell = progress or silent
+    tell = progress or core.silent
     tell("looking at the recordings", 0.0)
     if len({fingerprint(recording) for recording in recordings}) < len(recordings):
-        raise InputError("a recording is given twice", value=f"{len(recordings)} recordings")
+        raise core.InputError("a recording is given twice", value=f"{len(recordings)} recordings")
     window = ProcessingSettings(start_s=settings.start_s, stop_s=settings.stop_s)
     grids = [survey(recording, window) for recording in recordings]
     require_cutoff(min(grid.rate_hz for grid in grids), settings.cutoff_hz)
@@ -109,7 +99,7 @@ def fit_long(
     )
     estimator = found.estimator
     if not estimator.by_factors:
-        raise InputError(
+        raise core.InputError(
             "this estimator needs all rows at once, and the recordings are too long for that",
             where="--estimator",
             value=estimator.name,
@@ -134,7 +124,7 @@ def fit_long(
     sums = _run_pass(
         everything,
         planned.plan,
-        beside=beside or Workers(),
+        beside=beside or core.Workers(),
         partial=partial,
         tell=lambda what, share: tell(what, CHOOSING_SHARE + (1 - CHOOSING_SHARE) * share),
     )
@@ -221,9 +211,9 @@ def _run_pass(
     everything: Sequence[LongSignals],
     plan: identification.PassPlan,
     *,
-    beside: Workers,
+    beside: core.Workers,
     partial: Path | None,
-    tell: Progress,
+    tell: core.Progress,
 ) -> identification.RowSums:
     """Sum all rows, from where the interrupted pass of the file `partial` stopped."""
     parts = list(_parts(everything, plan))
@@ -235,7 +225,7 @@ def _run_pass(
     saved = time.monotonic()
     offset, todo = done, parts[done:]
     words = "summing all rows" if done == 0 else "summing the rows that an interrupted pass left"
-    for number, found in each(_sum_part, todo, beside):
+    for number, found in core.each(_sum_part, todo, beside):
         # In their order, whoever was first: the same result to the last bit.
         waiting[offset + number] = found
         while done in waiting:
@@ -244,8 +234,8 @@ def _run_pass(
         tell(words, done / len(parts))
         if partial is not None and time.monotonic() - saved > SAVE_S:
             # A disk without room for it costs an interrupted pass, not this one.
-            with suppress(DynidError):
-                write_arrays(partial, {"key": key, "done": done, **sums.arrays()})
+            with suppress(core.DynidError):
+                core.write_arrays(partial, {"key": key, "done": done, **sums.arrays()})
             saved = time.monotonic()
     if partial is not None:
         partial.unlink(missing_ok=True)
@@ -298,7 +288,7 @@ def _kept(
     path: Path, key: str, nothing: identification.RowSums
 ) -> tuple[int, identification.RowSums]:
     """Parts done and their sums; none where the file is another pass's, or damaged."""
-    arrays = read_arrays(path)
+    arrays = core.read_arrays(path)
     if str(arrays.pop("key", "")) != key:
         return 0, nothing
     return int(arrays.pop("done")), identification.sums_from(arrays)

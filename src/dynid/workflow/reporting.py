@@ -15,17 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dynid import core
 from dynid.constraints import DISTANCES
-from dynid.core import (
-    Array,
-    DynidError,
-    InputError,
-    JsonFields,
-    Progress,
-    like_named,
-    load_object,
-    silent,
-)
 from dynid.diagnosis import contact_stretches
 from dynid.identification import FORMAT, Estimate, read_estimate, standard_posterior
 from dynid.recording import ExperimentRecord, identity, open_record, read_record
@@ -84,7 +75,7 @@ def _text(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def _search(history: Any) -> tuple[Array, Array] | None:
+def _search(history: Any) -> tuple[core.Array, core.Array] | None:
     """Evaluations and the best criterion so far; None where a file does not hold them."""
     try:
         table = np.array([(row["evaluations"], row["value"]) for row in history], dtype=np.float64)
@@ -107,7 +98,7 @@ def _judged(found: StoredDesign) -> JudgedMotion | None:
     return JudgedMotion(t=t, kinds=KINDS, shares=shares, distance_kinds=DISTANCES, distances=gaps)
 
 
-def _instants(found: StoredDesign) -> Array:
+def _instants(found: StoredDesign) -> core.Array:
     """When to judge: evenly, and where the certificate of the design is tightest."""
     duration = found.stored.trajectory.duration
     worst: Any = found.facts.get("worst")
@@ -202,8 +193,8 @@ def _truth(recordings: list[Path], estimate: Estimate) -> KnownTruth | None:
     """What a simulation wrote beside a recording, in the estimate's frames."""
     robot = estimate.model.robot
     for file in filter(Path.exists, map(truth_path, recordings)):
-        with suppress(InputError):
-            rows = load_object(file).matrix("links")
+        with suppress(core.InputError):
+            rows = core.load_object(file).matrix("links")
             if rows.shape == (robot.joints, 13):
                 inverses = np.linalg.inv(robot.parameter_frames[estimate.model.frames])
                 links = [move(row[:10], turn) for row, turn in zip(rows, inverses, strict=True)]
@@ -280,7 +271,7 @@ class _Found(NamedTuple):
 
 
 def report(
-    directory: str | Path, output: str | Path, *, progress: Progress | None = None
+    directory: str | Path, output: str | Path, *, progress: core.Progress | None = None
 ) -> tuple[Path, ReportContents]:
     """Write a page about the estimates, recordings and designs in a directory.
 
@@ -293,15 +284,15 @@ def report(
     """
     folder = Path(directory)
     if not folder.is_dir():
-        what, step = "there is no such directory", like_named(folder)
+        what, step = "there is no such directory", core.like_named(folder)
         if folder.exists():
             what = "this is a file, and a report is of a directory"
             step = f"Run: dynid report {shlex.quote(str(folder.parent))}"
-        raise InputError(what, where=str(directory), next_step=step)
-    tell: Progress = progress or silent
+        raise core.InputError(what, where=str(directory), next_step=step)
+    tell: core.Progress = progress or core.silent
     found = _reporting_search(folder, tell)
     if not found.estimates:
-        raise InputError(
+        raise core.InputError(
             "there is no estimate in the directory",
             where=str(directory),
             next_step="Write one: dynid identify RECORD -o " + str(folder / "estimate.json"),
@@ -337,7 +328,7 @@ def report(
     return write_report(contents, output), contents
 
 
-def _reporting_search(folder: Path, tell: Progress) -> _Found:
+def _reporting_search(folder: Path, tell: core.Progress) -> _Found:
     found = _Found({}, {}, [], [])
     for path in sorted(folder.glob("*.json")) + sorted(folder.glob("*.parquet")):
         tell(f"read {path.name}", 0.1)
@@ -345,14 +336,14 @@ def _reporting_search(folder: Path, tell: Progress) -> _Found:
             if path.suffix == ".parquet":
                 found.records[path.name] = read_record(path)
                 continue
-            fields = JsonFields({})
-            with suppress(InputError):
-                fields = load_object(path)
+            fields = core.JsonFields({})
+            with suppress(core.InputError):
+                fields = core.load_object(path)
             if fields.get("format") == FORMAT:
                 found.estimates[path.name] = read_estimate(path)
             elif str(fields.get("kind")).startswith("dynid."):
                 found.designs.append(_reported_design(path))
-        except DynidError as error:
+        except core.DynidError as error:
             found.skipped.append((path.name, error.line))
     # Logs of other programs that were identified from as they are.
     for estimate in found.estimates.values():
@@ -360,7 +351,7 @@ def _reporting_search(folder: Path, tell: Progress) -> _Found:
         gains = robot.drives.gain.tolist() if np.isfinite(robot.drives.gain).all() else None
         for name in estimate.provenance.inputs:
             if (folder / name).is_file() and name not in found.records:
-                with suppress(DynidError):
+                with suppress(core.DynidError):
                     record = open_record(folder / name, robot, gains)
                     if gains or "effort" in record.signals:
                         found.records[name] = record
@@ -373,7 +364,7 @@ def _comparisons(
     for first, second in itertools.pairwise(estimates):
         try:
             yield first.label, second.label, compare(first.estimate, second.estimate)
-        except InputError:
+        except core.InputError:
             # Estimates of other robots or terms stand side by side without a comparison.
             continue
 

@@ -1,31 +1,23 @@
-"""Several recordings of one robot at once: shared inertias; payloads and drive gains.
+"""Several recordings of one robot at once: inertias, friction over temperature, payloads, gains.
 
 Friction is each record's own. Drive gains come from the controller's own targets, or from runs with
 and without a payload that was weighed.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid import identification
-from dynid.core import Array, InputError, Progress, frozen, one_thread, told
-from dynid.recording import (
-    ExperimentRecord,
-    RecordLike,
-    checked_records,
-    identity,
-    open_record,
-    open_several,
-)
+from dynid import identification, recording
+from dynid.core import Array, Finding, InputError, Progress, frozen, one_thread, table, told
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel, LoadFriction
 from dynid.robot import RobotLike, RobotModel, frame_map, from_body, load_robot, with_carried
 from dynid.settings import IdentifySettings
-from dynid.signals import ProcessingSettings, Samples, process
+from dynid.signals import ProcessingSettings, Samples, process, window
 from dynid.validation import record_findings
 from dynid.workflow import choosing
 
@@ -73,7 +65,7 @@ class SharedIdentification:
 
 
 def identify_shared(
-    records: RecordLike | Sequence[RecordLike],
+    records: recording.RecordLike | Sequence[recording.RecordLike],
     robot: RobotLike,
     settings: IdentifySettings | None = None,
     *,
@@ -95,7 +87,7 @@ def identify_shared(
     """
     settings = settings or IdentifySettings()
     robot = with_carried(load_robot(robot, mount=settings.mount, collision=False))
-    several = checked_records(open_several(records, robot))
+    several = recording.checked_records(recording.open_several(records, robot))
     if not several:
         raise InputError("needs at least one record")
     for record in several:
@@ -145,13 +137,121 @@ def problem_of(
     return identification.IdentificationProblem(base=reduce_model(found), samples=samples)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TemperatureIdentification(identification.TemperatureModel):
+    """Shared inertias, and friction as a function of joint temperature."""
+
+    shared: SharedIdentification
+    """The inertias, and the friction of each record."""
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object."""
+        names = self.shared.problem.problems[0].base.model.robot.joint_names
+        laws: list[dict[str, Any]] = []
+        for name, law in zip(names, self.laws, strict=True):
+            std, fall_std = np.sqrt(np.diag(law.covariance)).reshape(2, -1)
+            laws.append(
+                {
+                    "joint": name,
+                    "law": law.law,
+                    "reference_degC": law.reference_degC,
+                    "range_degC": list(law.range_degC),
+                    "parameters": table(
+                        name=law.symbols,
+                        value=law.reference,
+                        std=std,
+                        fall_per_K=law.slope,
+                        fall_std=fall_std,
+                    ),
+                }
+            )
+        return {
+            "temperature_degC": self.temperature_degC.tolist(),
+            "laws": laws,
+            **told(self.warnings),
+        }
+
+
+def identify_temperature(
+    records: recording.RecordLike | Sequence[recording.RecordLike],
+    robot: RobotLike,
+    settings: IdentifySettings | None = None,
+    *,
+    law: str = "auto",
+    progress: Progress | None = None,
+) -> TemperatureIdentification:
+    """Friction as a function of temperature, from recordings with joint temperatures.
+
+    Each record counts at its mean temperatures: record warm-ups in short pieces.
+
+    Args:
+        records: Recordings at two or more temperatures, or their files; three let the data choose
+            the law.
+        robot: The robot, or its name or file.
+        settings: As for `identify_shared`.
+        law: Of viscous friction: `exponential`, `linear`, or `auto` for what fits better.
+        progress: Told what is being done and how far it is (0 to 1).
+
+    Raises:
+        InputError: Fewer than two records, no temperatures in them, an unknown law, or what
+            `identify_shared` refuses.
+        JobError: A singular problem.
+    """
+    robot = load_robot(robot, collision=False)
+    several = recording.open_several(records, robot)
+    without = [k + 1 for k, record in enumerate(several) if "temperature" not in record.signals]
+    if without:
+        raise InputError(
+            "recordings without joint temperatures",
+            value=f"records {without}",
+            next_step="Record with dynid run, or import with --columns ...,temperature=A:B.",
+        )
+    several = recording.checked_records(several)
+    if len(several) < 2:
+        raise InputError("a temperature law needs two records or more", value=len(several))
+    settings = settings or IdentifySettings()
+    parts = [window(record.t, settings.start_s, settings.stop_s) for record in several]
+    warm = [record.signals["temperature"] for record in several]
+    mean = np.array([one[part].mean(axis=0) for one, part in zip(warm, parts, strict=True)])
+    shared = identify_shared(several, robot, settings, progress=progress)
+    problem, solved = shared.problem, shared.fit
+    names, own = shared.own, solved.solution.own
+    base, laws = problem.problems[0].base, list[identification.JointTemperatureLaw]()
+    for joint, degC in zip(identification.friction_places(base), mean.T, strict=True):
+        places = identification.friction_order(base, len(own), joint)
+        covariance = solved.covariance[np.ix_(places, places)]
+        symbols = [names[c].rstrip("0123456789") for c in joint]
+        laws.append(identification.fit_law(own[:, joint], covariance, degC, symbols, law=law))
+    return TemperatureIdentification(
+        shared=shared,
+        # Load friction has the inertias that each recording shows: those of the coldest.
+        estimate=shared.estimates[int(np.argmin(mean.sum(axis=1)))],
+        laws=tuple(laws),
+        temperature_degC=mean,
+        covariance=solved.covariance,
+        naive=solved.naive,
+        warnings=(*_flat(laws), *record_findings(robot, *several)),
+    )
+
+
+def _flat(laws: Sequence[identification.JointTemperatureLaw]) -> Iterator[Finding]:
+    flat = [str(j + 1) for j, law in enumerate(laws) if law.law == "constant"]
+    if flat:
+        yield Finding(
+            "low_excitation",
+            f"the temperatures of joints {', '.join(flat)} differ by less than "
+            f"{identification.LEAST_SPREAD_K:g} K between the records: their friction is taken "
+            "as constant",
+        )
+
+
 SMOOTHING_VELOCITY = 0.01
 """Width of the Coulomb step, unless other friction is asked for [rad/s or m/s]."""
 
 
 def identify_payload(
-    unloaded: RecordLike | Sequence[RecordLike],
-    loaded: RecordLike | Sequence[RecordLike],
+    unloaded: recording.RecordLike | Sequence[recording.RecordLike],
+    loaded: recording.RecordLike | Sequence[recording.RecordLike],
     robot: RobotLike,
     *,
     friction: FrictionTerms | None = None,
@@ -178,8 +278,8 @@ def identify_payload(
     without, carrying = _several(model, unloaded, loaded)
     for record in (*without, *carrying):
         choosing.require_torques([record], model)
-    seen = {identity(record) for record in without}
-    if any(identity(record) in seen for record in carrying):
+    seen = {recording.identity(record) for record in without}
+    if any(recording.identity(record) in seen for record in carrying):
         raise InputError(
             "a recording with the payload is one without it",
             next_step="Record the same motion again with the payload.",
@@ -199,8 +299,8 @@ def identify_payload(
 
 
 def _problem(
-    without: list[ExperimentRecord],
-    carrying: list[ExperimentRecord],
+    without: list[recording.ExperimentRecord],
+    carrying: list[recording.ExperimentRecord],
     model: InverseDynamicModel,
     cutoff_hz: float | None,
 ) -> identification.SharedProblem:
@@ -217,10 +317,10 @@ def _problem(
 
 
 def _several(
-    robot: RobotModel, *groups: RecordLike | Sequence[RecordLike]
-) -> list[list[ExperimentRecord]]:
+    robot: RobotModel, *groups: recording.RecordLike | Sequence[recording.RecordLike]
+) -> list[list[recording.ExperimentRecord]]:
     """Recordings without and with the payload, at least one of each."""
-    found = [checked_records(open_several(group, robot)) for group in groups]
+    found = [recording.checked_records(recording.open_several(group, robot)) for group in groups]
     if not all(found):
         counts = tuple(map(len, found))
         raise InputError("needs recordings with and without the payload", value=counts)
@@ -231,7 +331,7 @@ TARGETS = ("target_current", "target_moment")
 """Signals that drive gains are found in."""
 
 
-def identify_gains(record: RecordLike, robot: RobotLike) -> identification.DriveGains:
+def identify_gains(record: recording.RecordLike, robot: RobotLike) -> identification.DriveGains:
     """Drive gains from a recording of target currents and target moments.
 
     Target velocities are used where they were recorded: the controller's friction follows them,
@@ -246,7 +346,7 @@ def identify_gains(record: RecordLike, robot: RobotLike) -> identification.Drive
         JobError: No joint's gain can be told.
     """
     model = load_robot(robot, collision=False)
-    record = open_record(record, model)
+    record = recording.open_record(record, model)
     missing = [name for name in TARGETS if name not in record.signals]
     velocity = record.signals.get("target_qd", record.signals.get("qd"))
     if missing or velocity is None:
@@ -266,8 +366,8 @@ def identify_gains(record: RecordLike, robot: RobotLike) -> identification.Drive
 
 
 def identify_gains_from_payload(
-    unloaded: RecordLike | Sequence[RecordLike],
-    loaded: RecordLike | Sequence[RecordLike],
+    unloaded: recording.RecordLike | Sequence[recording.RecordLike],
+    loaded: recording.RecordLike | Sequence[recording.RecordLike],
     robot: RobotLike,
     *,
     mass: float,
@@ -332,7 +432,7 @@ def known_payload(mass: float, centre: ArrayLike | None, inertia: ArrayLike | No
     return known if inertia is None else from_body(mass, centre, inertia)
 
 
-def _as_currents(record: ExperimentRecord) -> ExperimentRecord:
+def _as_currents(record: recording.ExperimentRecord) -> recording.ExperimentRecord:
     """The record with its currents read as torques: gains of one."""
     if "current" not in record.signals:
         raise InputError("drive gains need recorded currents", value=", ".join(record.signals))

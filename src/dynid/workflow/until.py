@@ -19,13 +19,7 @@ from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.settings import DesignSettings, IdentifySettings, RunSettings, SceneSettings
 from dynid.trajectory import JointMotion
-from dynid.workflow.design_files import (
-    DesignLike,
-    StoredDesign,
-    motions_from,
-    read_design,
-    write_design,
-)
+from dynid.workflow import design_files
 from dynid.workflow.designing import design
 from dynid.workflow.identify import LONGER, Accuracy, accuracy, identify
 from dynid.workflow.running import SIMULATED, Confirm, Run, run_design
@@ -118,7 +112,7 @@ class RunUntil:
 
 
 def run_until(
-    first: DesignLike,
+    first: design_files.DesignLike,
     output: str | Path,
     percent: float,
     *,
@@ -160,8 +154,10 @@ def run_until(
     else:
         place = path.with_name(f"{path.stem}_design.json")
         require_absent(place, force=asked.force)
-        write_design(first, place, robot=asked.robot)
-    stored = read_design(place, robot=asked.robot, mount=asked.mount, mesh_dirs=asked.mesh_dirs)
+        design_files.write_design(first, place, robot=asked.robot)
+    stored = design_files.read_design(
+        place, robot=asked.robot, mount=asked.mount, mesh_dirs=asked.mesh_dirs
+    )
     again = _settings(stored, place)
     # Further motions are for the surroundings, and the load, that the robot runs with.
     around = {item.name: getattr(asked, item.name) for item in fields(SceneSettings)}
@@ -221,7 +217,7 @@ def _ended(told: Accuracy, percent: float, rounds: int) -> str:
     return ""
 
 
-def _settings(stored: StoredDesign, place: Path) -> DesignSettings:
+def _settings(stored: design_files.StoredDesign, place: Path) -> DesignSettings:
     """How the design was asked for."""
     given: dict[str, Any] = dict(stored.stored.provenance.settings)
     names = {item.name for item in fields(DesignSettings)}
@@ -236,10 +232,10 @@ def _settings(stored: StoredDesign, place: Path) -> DesignSettings:
     return replace(DesignSettings(**values), accuracy_percent=None)
 
 
-def _purpose(stored: StoredDesign, asked: DesignSettings) -> list[JointMotion]:
+def _purpose(stored: design_files.StoredDesign, asked: DesignSettings) -> list[JointMotion]:
     """The motions that the model is for."""
     if asked.motions:
-        return motions_from(asked.motions, stored.robot)
+        return design_files.motions_from(asked.motions, stored.robot)
     base = reduce_model(InverseDynamicModel(robot=stored.robot, frames=asked.frames))
     if stored.limits is None:
         return []

@@ -18,7 +18,7 @@ from dynid.recording.record import (
     identity,
     signals_hash,
 )
-from dynid.recording.repair import clock, joints, missing, motion, spikes, stamps
+from dynid.recording.repair import clock, joints, missing, motion, stamps
 from dynid.recording.table import TORQUE_SOURCES, Mask, RawTable, ReadOptions, rows_with
 from dynid.robot import RobotModel
 
@@ -384,7 +384,7 @@ RULES: tuple[Rule, ...] = (
     Rule(joints.to_joint_side, "kr300_weigand, tx40: motor values", ("robot",)),
     Rule(joints.shift_turns, "angles that are a turn off", ("robot",)),
     Rule(missing.drop_frozen, "kinova_gen3: a torque that stands still"),
-    Rule(spikes.drop_spikes, "panda_gaz, kinova_gen3, ur5_kufieta: single wrong samples", rows=24),
+    Rule(motion.drop_spikes, "panda_gaz, kinova_gen3, ur5_kufieta: single wrong samples", rows=24),
     Rule(motion.drop_bursts, "stretches of rows that are wrong", rows=24),
     Rule(missing.drop_broken_ends, "kinova_gen3: invalid last rows"),
     Rule(stamps.fill_held, "positions renewed on every tenth row"),
