@@ -191,7 +191,8 @@ def test_the_network_is_cut(
     assert process.returncode == 1
     assert words in said
     check_record(tmp_path, AT - 20)
-    assert "aborted" in read_record(tmp_path / "run.parquet").metadata.extra
+    problems = read_record(tmp_path / "run.parquet").problems
+    assert "aborted" in [problem.kind for problem in problems]
 
 
 def test_the_network_comes_back_under_a_stream(

@@ -345,7 +345,9 @@ def test_a_disk_that_fills_up_costs_what_it_refused_only(tmp_path: Path, monkeyp
     assert writer.saved_samples == 50
     writer.append(1000.0, {"q": [1, 2], "current": [1, 2]}, {"speed": 0.0})
     writer.close()
-    assert read_record(path).samples == writer.saved_samples == 51
+    kept = read_record(path)
+    assert kept.samples == writer.saved_samples == 51
+    assert [problem.kind for problem in kept.problems] == ["aborted"]
 
 
 def test_a_disk_that_takes_no_row_keeps_nothing(tmp_path: Path, monkeypatch) -> None:

@@ -75,7 +75,7 @@ def test_stop_stops_the_robot_and_keeps_what_was_recorded(motion: Path, tmp_path
     assert state.share < 1.0
     record = read_record(path)
     assert tail.samples <= record.samples == state.result["samples"] < 1000 * CYCLES
-    assert record.metadata.extra["abort"] == "interrupted"
+    assert [problem.kind for problem in record.problems] == ["aborted"]
 
 
 @pytest.mark.parametrize(

@@ -206,6 +206,9 @@ class RecordWriter:
             self._raise_sync()
             # Read from the open file: the rows are there even if its name or folder was removed.
             record = store.recover(self._partial, self._file, finished=True)
+            if self._aborted and all(problem.kind != "aborted" for problem in record.problems):
+                text = f"the recording was stopped after {record.samples} samples: disk error"
+                record = replace(record, problems=(*record.problems, Finding("aborted", text)))
         finally:
             self._disk.shutdown(wait=True)
             os.close(self._file)

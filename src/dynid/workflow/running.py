@@ -7,7 +7,6 @@ import json
 import math
 import shlex
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Event
@@ -15,17 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid import drivers, simulation
-from dynid.core import (
-    Array,
-    DynidError,
-    Finding,
-    InputError,
-    JobError,
-    Progress,
-    require_absent,
-    write_json,
-)
+from dynid import core, drivers, simulation
 from dynid.experiment import (
     Approach,
     ExperimentPlan,
@@ -40,8 +29,6 @@ from dynid.recording import (
     ExperimentRecord,
     RecordMetadata,
     RecordWriter,
-    read_record,
-    write_record,
 )
 from dynid.robot import PARAMETERS, RobotLike, RobotModel, load_robot
 from dynid.settings import RunSettings
@@ -114,7 +101,7 @@ def truth_path(recording: Path) -> Path:
 
 
 def write_truth(
-    recording: Path, arm: simulation.SimulatedArm, temperature_degC: Array, **more: object
+    recording: Path, arm: simulation.SimulatedArm, temperature_degC: core.Array, **more: object
 ) -> None:
     """Write what a simulated arm was made of beside its recording; reports draw it.
 
@@ -139,7 +126,7 @@ def write_truth(
         },
         **more,
     }
-    write_json(truth_path(recording), data)
+    core.write_json(truth_path(recording), data)
 
 
 SIMULATED = "sim"
@@ -201,7 +188,7 @@ class Run:
         where = f"the robot was stopped in the pass '{self.result.stopped_in}'"
         if self.result.stopped_in is None:
             where = "nothing has moved"
-        raise JobError(f"{where}: {abort.message}; {kept}", next_step=step)
+        raise core.JobError(f"{where}: {abort.message}; {kept}", next_step=step)
 
 
 def run_design(
@@ -212,7 +199,7 @@ def run_design(
     settings: RunSettings | None = None,
     confirm: Confirm | None = None,
     cancel: Event | None = None,
-    progress: Progress | None = None,
+    progress: core.Progress | None = None,
 ) -> Run:
     """Execute a design and record it.
 
@@ -238,9 +225,9 @@ def run_design(
     asked = settings or RunSettings()
     path = Path(output)
     if path.suffix.lower() != ".parquet":
-        raise InputError("a recording is a file *.parquet", where="output", value=str(path))
+        raise core.InputError("a recording is a file *.parquet", where="output", value=str(path))
     if on == SIMULATED and asked.method != RunSettings().method:
-        raise InputError(
+        raise core.InputError(
             "the simulated arm takes no streamed set points",
             where="--method",
             value=asked.method,
@@ -249,7 +236,7 @@ def run_design(
     with design_files.design_file(design, asked.robot) as file:
         loaded = load_design(file, asked)
     written = (path, truth_path(path)) if on == SIMULATED else (path,)
-    require_absent(*written, force=asked.force)
+    core.require_absent(*written, force=asked.force)
     state = None if on == SIMULATED else drivers.inspect(_host(on))
     plan = ExperimentPlan(
         robot=loaded.robot,
@@ -304,7 +291,7 @@ def _made_ready(
     asked: RunSettings,
     confirm: Confirm | None,
     cancel: Event | None,
-    progress: Progress | None,
+    progress: core.Progress | None,
 ) -> ExperimentPlan | None:
     """The plan with its way to the start: check the design, then the robot, then ask.
 
@@ -345,7 +332,7 @@ def _made_ready(
     require_ready(check_robot(plan, now, approach), state.host)
     away = float(np.abs(now.q - state.q).max())
     if away > MOVED:
-        raise JobError(
+        raise core.JobError(
             "the robot has moved since it was checked",
             where=state.host,
             value=f"{away:.3g} rad",
@@ -360,7 +347,7 @@ def _host(on: str) -> str:
     # An IPv6 address has several colons.
     if (scheme, found) != ("ur", "://") or not host or "/" in host or host.count(":") == 1:
         limit = "sim, ur://HOST (a name or an address, no port: UR's ports are fixed)"
-        raise InputError("unknown robot to run on", where="--on", value=on, limit=limit)
+        raise core.InputError("unknown robot to run on", where="--on", value=on, limit=limit)
     return host.strip("[]")
 
 
@@ -390,7 +377,7 @@ def _execute(
     asked: RunSettings,
     path: Path,
     cancel: Event | None,
-    progress: Progress | None,
+    progress: core.Progress | None,
 ) -> Run:
     opened: list[RecordWriter] = []
     promise: dict[str, str] = {}
@@ -437,8 +424,6 @@ def _execute(
     samples = opened[0].saved_samples if record.exists() else 0
     abort, outcome = result.outcome.abort, result.outcome
     if abort is not None:
-        if samples >= 2 and record.suffix == path.suffix:
-            _mark_aborted(record, abort)
         whole = samples // round(plan.trajectory.duration * plan.rate_hz)
         outcome = replace(outcome, samples=samples, periods=min(outcome.periods, whole))
     return Run(
@@ -447,17 +432,3 @@ def _execute(
         design=loaded,
         left=opened[0].left,
     )
-
-
-def _mark_aborted(path: Path, abort: drivers.Abort) -> None:
-    """Write the cause of a stop into a recording, as metadata and as a finding."""
-    # The disk that refused the rows refuses this too; the rows themselves stay readable.
-    with suppress(DynidError):
-        record = read_record(path)
-        if not any(problem.kind == "aborted" for problem in record.problems):
-            said = Finding("aborted", f"aborted after {record.samples} samples: {abort.message}")
-            record = replace(record, problems=(*record.problems, said))
-        extra = {**record.metadata.extra, "aborted": abort.message, "abort": abort.code}
-        write_record(
-            replace(record, metadata=replace(record.metadata, extra=extra)), path, force=True
-        )
