@@ -1,6 +1,6 @@
 """Random mutants of the numerical packages against their packages' own tests.
 
-    python benchmarks/proof/mutants.py [--root CHECKOUT] [-n 30] [--seed 0] [--packages WORD...]
+    python benchmarks/proof/mutants.py [-n 30] [--seed 0] [--packages WORD...]
 
 Each mutant changes one operator, comparison, number or condition in a copy of the source, and the
 package's tests that take less than a second each run on it until the first fails. The mutants of a
@@ -73,9 +73,9 @@ class Mutant:
         return f"{self.path}:{self.node.lineno}: {before} -> {after}"
 
 
-def sites(root: Path, path: Path) -> Iterator[Mutant]:
+def sites(path: Path) -> Iterator[Mutant]:
     """Every mutant of one file; annotations, messages and docstrings are left alone."""
-    tree = ast.parse((root / path).read_bytes())
+    tree = ast.parse((ROOT / path).read_bytes())
 
     def walk(node: ast.AST) -> Iterator[Mutant]:
         match node:
@@ -103,11 +103,11 @@ def sites(root: Path, path: Path) -> Iterator[Mutant]:
     yield from walk(tree)
 
 
-def chosen(root: Path, package: str, count: int, seed: int) -> list[Mutant]:
+def chosen(package: str, count: int, seed: int) -> list[Mutant]:
     """Mutants of a package, drawn at random."""
-    folder = root / "src" / "dynid" / package
-    paths = [p.relative_to(root) for p in sorted(folder.rglob("*.py")) if p.name != "__init__.py"]
-    found = [mutant for path in paths for mutant in sites(root, path)]
+    folder = ROOT / "src" / "dynid" / package
+    paths = [p.relative_to(ROOT) for p in sorted(folder.rglob("*.py")) if p.name != "__init__.py"]
+    found = [mutant for path in paths for mutant in sites(path)]
     return random.Random(f"{seed} {package}").sample(found, min(count, len(found)))
 
 
@@ -115,13 +115,12 @@ class Tests:
     """The fast tests of a package, run on a copy of the source.
 
     Args:
-        root: The checkout.
-        package: Its package.
+        package: The package.
         work: A folder for the copy.
     """
 
-    def __init__(self, root: Path, package: str, work: Path) -> None:
-        self.root, self.work, self.package = root, work, package
+    def __init__(self, package: str, work: Path) -> None:
+        self.work, self.package = work, package
         self.cache = work / "numba"
         self._chosen = work / f"{package}.txt"
         self.limit_s = 3600.0
@@ -190,24 +189,23 @@ class Tests:
 def main() -> int:
     """Run the mutants and print who lived."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("--root", type=Path, default=ROOT, help="the checkout")
     parser.add_argument("-n", "--number", type=int, default=30, help="mutants a package")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--packages", nargs="*", default=PACKAGES)
     given = parser.parse_args()
-    root, lived, total = given.root.resolve(), 0, 0
+    lived = total = 0
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
         ignored = shutil.ignore_patterns(".git", ".venv", "runs", "__pycache__", "*_cache")
-        shutil.copytree(root, work / "checkout", ignore=ignored)
-        shared = root.parent / "shared"
+        shutil.copytree(ROOT, work / "checkout", ignore=ignored)
+        shared = ROOT.parent / "shared"
         if shared.is_dir():
             (work / "shared").symlink_to(shared)
         for package in given.packages:
-            tests = Tests(root, package, work)
+            tests = Tests(package, work)
             tests.baseline()
             killed = 0
-            drawn = chosen(root, package, given.number, given.seed)
+            drawn = chosen(package, given.number, given.seed)
             for mutant in drawn:
                 dead = tests.kill(mutant)
                 killed += dead

@@ -1,7 +1,7 @@
 """Files of less than 20 MB that claim, unpack to or nest far more than they hold.
 
 Each maker writes one file and returns its path; `MAKERS` names them. Readers must end within their
-budget with one clear message. `benchmarks/hostile_files.py` runs all of them and measures.
+budget with one clear message.
 """
 
 from __future__ import annotations

@@ -1,14 +1,15 @@
-"""Files that claim more than they hold end in one message; benchmarks/hostile_files.py runs all."""
+"""Files that claim more than they hold end in one message, within a reader's memory and time."""
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hostile_files import DOCUMENTS, MAKERS
+from hostile_files import DOCUMENTS, GOOD_ROWS, MAKERS, good_table
 
 from dynid.core import InputError, RecordError, load_object
 from dynid.recording import ExperimentRecord, read_record, read_recording, write_record
@@ -33,6 +34,65 @@ def test_hostile_recordings_are_refused_in_one_line(tmp_path: Path, name: str) -
         read_recording(path, rate_hz=125.0)
     assert "\n" not in str(caught.value)
     assert caught.value.next_step or caught.value.where
+
+
+MOST_BYTES, MOST_MB, MOST_S = 20e6, 1500, 20.0
+"""Of a file; of the memory and the CPU time of whoever reads it."""
+MAKE = """
+import pathlib, sys
+sys.path.append(sys.argv[1])
+import hostile_files
+hostile_files.MAKERS[sys.argv[2]](pathlib.Path(sys.argv[3]))
+"""
+READ = """
+import sys
+from dynid.core import DynidError, load_object
+from dynid.recording import read_recording
+from dynid.robot import load_robot
+path = sys.argv[1]
+try:
+    if path.endswith((".toml", ".urdf")):
+        load_robot(path)
+    elif path.endswith("_scene.json"):
+        load_object(path)
+    else:
+        print("read", read_recording(path, rate_hz=125.0).samples)
+except DynidError as error:
+    print("refused:", error)
+"""
+
+
+def read_in_its_own_process(path: Path) -> str:
+    """What a program that reads a file says; it takes no more than it may."""
+    assert path.stat().st_size < MOST_BYTES
+    words, pipe = [sys.executable, "-c", READ, str(path)], subprocess.PIPE
+    with subprocess.Popen(words, stdout=pipe, stderr=subprocess.STDOUT, text=True) as one:
+        assert one.stdout is not None
+        said = one.stdout.read().strip()
+        _, status, used = os.wait4(one.pid, 0)
+        one.returncode = os.waitstatus_to_exitcode(status)
+    assert one.returncode == 0
+    assert used.ru_maxrss / 1024 <= MOST_MB
+    assert used.ru_utime + used.ru_stime <= MOST_S
+    return said
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", [*MAKERS, *DOCUMENTS])
+def test_no_hostile_file_takes_more_than_it_may(tmp_path: Path, name: str) -> None:
+    if name in DOCUMENTS:
+        (tmp_path / name).write_bytes(DOCUMENTS[name])
+    else:
+        # A process's peak counts from what its parent takes when it starts.
+        words = ["-c", MAKE, str(Path(__file__).parent), name, str(tmp_path)]
+        subprocess.run([sys.executable, *words], check=True)
+    (path,) = tmp_path.iterdir()
+    assert "\n" not in read_in_its_own_process(path)
+
+
+def test_an_honest_file_of_their_size_is_read(tmp_path: Path) -> None:
+    said = read_in_its_own_process(good_table(tmp_path / "good.csv"))
+    assert said == f"read {GOOD_ROWS}"
 
 
 def test_a_reader_that_ended_is_followed_by_another(tmp_path: Path) -> None:
