@@ -9,20 +9,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from dynid import core
 from dynid.constraints import Certificate, certify
-from dynid.core import (
-    Array,
-    Finding,
-    InputError,
-    JobError,
-    MotionBounds,
-    Provenance,
-    Value,
-    Workers,
-    frozen,
-    one_thread,
-    plain,
-)
 from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.gradient import STAGES, TIGHTEN, improve
 from dynid.excitation.problem import (
@@ -48,7 +36,7 @@ HALVINGS = 7
 class Finished:
     """A motion and the verdict on it."""
 
-    x: Array
+    x: core.Array
     trajectory: Trajectory
     certificate: Certificate
     repair: str
@@ -82,7 +70,7 @@ def finish(
     return _smaller(evaluation, first.x) or seen[0]
 
 
-def without_turns(evaluation: DesignEvaluation, x: Array) -> Array:
+def without_turns(evaluation: DesignEvaluation, x: core.Array) -> core.Array:
     """The same poses, each revolute joint as near to the middle of its range as turns bring it.
 
     A turn changes neither torques nor distances, but the robot would have to make it on its way to
@@ -96,21 +84,21 @@ def without_turns(evaluation: DesignEvaluation, x: Array) -> Array:
     bounds = problem.constraints.settings.bounds
     # Of the range, not of the mean: a range that is nearer to the middle cannot leave the bounds.
     away = (q.min(axis=0) + q.max(axis=0) - bounds.lower - bounds.upper) / 2
-    turns: Array = np.rint(away / (2 * np.pi))
+    turns: core.Array = np.rint(away / (2 * np.pi))
     turns[np.array(evaluation.constraints.robot.prismatic, dtype=bool)] = 0.0
     moved = np.array(x)
     moved[:, 0] -= 2 * np.pi * turns
     return moved
 
 
-def _certified(evaluation: DesignEvaluation, x: Array, repair: str) -> Finished:
+def _certified(evaluation: DesignEvaluation, x: core.Array, repair: str) -> Finished:
     x = without_turns(evaluation, x)
     trajectory = evaluation.problem.family.trajectory(x[:, 0], x[:, 1:])
     certificate = certify(trajectory, evaluation.constraints)
     return Finished(x=x, trajectory=trajectory, certificate=certificate, repair=repair)
 
 
-def _smaller(evaluation: DesignEvaluation, x: Array) -> Finished | None:
+def _smaller(evaluation: DesignEvaluation, x: core.Array) -> Finished | None:
     """The motion about its own mean pose, as large as passes; None if even its pose does not."""
     best: Finished | None = None
     low, high = 0.0, 1.0
@@ -127,7 +115,7 @@ def _smaller(evaluation: DesignEvaluation, x: Array) -> Finished | None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExcitationDesign(Value):
+class ExcitationDesign(core.Value):
     """An excitation trajectory with everything that is known about it."""
 
     trajectory: Trajectory
@@ -142,7 +130,7 @@ class ExcitationDesign(Value):
     """Frames of the parameters behind the criteria."""
     terms: str
     """Friction terms beside the inertial parameters."""
-    limits: MotionBounds
+    limits: core.MotionBounds
     """Bounds of position, velocity and acceleration."""
     purpose: str
     """What the model is for: `prediction`, `parameters` or `cond`."""
@@ -158,7 +146,7 @@ class ExcitationDesign(Value):
     """What an identification from all repetitions is expected to know."""
     repetitions: int
     """How often the period is to be run: more than 1 only where an accuracy asks for it."""
-    findings: tuple[Finding, ...]
+    findings: tuple[core.Finding, ...]
     """`weak_excitation`, where the motion excites too little."""
     scaled_condition_number: float
     """Of one period, with the columns scaled to unit norm."""
@@ -182,7 +170,7 @@ class ExcitationDesign(Value):
     """`starts`, `generations`, `stagnation`, `budget` or `interrupt`."""
     history: tuple[HistoryEntry, ...]
     """How the best motion got better."""
-    provenance: Provenance
+    provenance: core.Provenance
     """Inputs, settings, seed and versions."""
     settings: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """How the limits were chosen, for `dynid check`."""
@@ -244,7 +232,7 @@ class ExcitationDesign(Value):
             "history": [{**asdict(one), "wall_s": round(one.wall_s, 4)} for one in self.history],
             "limits": self.settings,
         }
-        return plain(known)
+        return core.plain(known)
 
 
 LEAST_MOTIONS = 40
@@ -261,13 +249,13 @@ class Optimised:
     """Of the search and the certificates [s]."""
 
 
-@one_thread()
+@core.one_thread()
 def by_gradient(
     problem: ExcitationProblem,
     effort: Effort,
     *,
     seed: int,
-    beside: Workers | None = None,
+    beside: core.Workers | None = None,
     tell: SearchProgress | None = None,
 ) -> Optimised:
     """Design by gradients from many starts; see `multistart`."""
@@ -276,7 +264,7 @@ def by_gradient(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MotionSearch(Value):
+class MotionSearch(core.Value):
     """What an optimiser of designs searches: the numbers x (n, 1 + k) of a motion, see `Candidate`.
 
     The best motions that it judges are kept, and certified.
@@ -286,7 +274,7 @@ class MotionSearch(Value):
     """Robot, motions, criterion and limits."""
     region: MotionRegion
     """Bounds of position, velocity and acceleration; `random_numbers` draws within."""
-    judge: Callable[[Array], Candidate]
+    judge: Callable[[core.Array], Candidate]
     """The criterion and the broken limits of a motion x (n, 1 + k); smaller `key` is better."""
     constrained: bool
     """Whether there are limits beside those of the region."""
@@ -341,7 +329,7 @@ class GeneticAlgorithm(DesignOptimiser):
         )
 
 
-@one_thread()
+@core.one_thread()
 def by_optimiser(
     problem: ExcitationProblem,
     optimiser: DesignOptimiser,
@@ -363,8 +351,8 @@ def by_optimiser(
     def stop() -> bool:
         return budget_s is not None and search.wall_s >= budget_s
 
-    def judge(x: Array) -> Candidate:
-        x = frozen(x, shape=(len(region.middle), 1 + problem.family.free_count), name="x")
+    def judge(x: core.Array) -> Candidate:
+        x = core.frozen(x, shape=(len(region.middle), 1 + problem.family.free_count), name="x")
         broken = evaluation.search_violation(x, TIGHTEN)
         candidate = Candidate(x=x, objective=evaluation.value(x), violation=broken)
         search.evaluations = evaluation.evaluations
@@ -388,7 +376,7 @@ def by_optimiser(
         search.ended_by = "budget" if stop() else optimiser.ends
         if search.best is None and search.ended_by != "budget":
             step = "Call search.judge in minimize."
-            raise JobError(f"the optimiser {optimiser.name} judged no motion", next_step=step)
+            raise core.JobError(f"the optimiser {optimiser.name} judged no motion", next_step=step)
     except KeyboardInterrupt:
         search.ended_by = "interrupt"
     return _finished(problem, search, budget_s)
@@ -400,14 +388,14 @@ def _finished(problem: ExcitationProblem, search: Search, budget_s: float | None
         raise KeyboardInterrupt
     hasty = search.ended_by == "budget" and search.evaluations < LEAST_MOTIONS
     if best is None or hasty:
-        raise InputError(
+        raise core.InputError(
             "the time budget is too short to evaluate a few motions",
             where="--budget",
             value=budget_s,
             limit="a second or more",
         )
     if not math.isfinite(best.objective):
-        raise JobError(
+        raise core.JobError(
             "no motion excites every base parameter",
             next_step="Take a longer period, more harmonics or wider limits.",
         )

@@ -8,15 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from urtwin.urscript import (
-    CompiledProgram,
-    Context,
-    Routine,
-    ScriptError,
-    ScriptFault,
-    ScriptRun,
-    compile_addition,
-)
+from urtwin import urscript
 
 Answer = Callable[[str], None]
 MOST_WAITING = 8_500
@@ -47,10 +39,10 @@ class Interpreter:
     """The statements of one controller, and where they go."""
 
     def __init__(self) -> None:
-        self._execution: ScriptRun | None = None
-        self._base = self._context = Context({})
+        self._execution: urscript.ScriptRun | None = None
+        self._base = self._context = urscript.Context({})
         self._lines: deque[_Received] = deque()
-        self._queue: deque[tuple[int, CompiledProgram, int]] = deque()
+        self._queue: deque[tuple[int, urscript.CompiledProgram, int]] = deque()
         self._compiled = 0
         self._active = self._ending = self._held = self._abort = self._enough = False
         self._interpreted = self._executed = self._cleared = 0
@@ -64,7 +56,7 @@ class Interpreter:
         }
         """What is answered at once, also while a statement runs."""
 
-    def begin(self, execution: ScriptRun, context: Context) -> None:
+    def begin(self, execution: urscript.ScriptRun, context: urscript.Context) -> None:
         """A program has started."""
         self._execution, self._base = execution, context
         self._context = context
@@ -96,7 +88,7 @@ class Interpreter:
         else:
             self._lines.append(line)
 
-    def run(self, clear_queue: bool, clear_on_end: bool) -> Routine:
+    def run(self, clear_queue: bool, clear_on_end: bool) -> urscript.Routine:
         """The mode itself, in the program's main thread, until it is ended.
 
         `clear_queue` forgets what came before the mode began, `clear_on_end` the functions and
@@ -104,7 +96,7 @@ class Interpreter:
         """
         execution = self._execution
         if execution is None or self._active or execution.thread is not execution.threads[0]:
-            raise ScriptFault("interpreter_mode belongs into the main thread, once")
+            raise urscript.ScriptFault("interpreter_mode belongs into the main thread, once")
         if clear_queue:
             while self._lines:
                 self._lines.popleft().discard("Cleaned up before interpretation")
@@ -165,8 +157,8 @@ class Interpreter:
             line = self._lines.popleft()
             left -= len(line.text)
             try:
-                addition = compile_addition(line.text, self._context)
-            except ScriptError as error:
+                addition = urscript.compile_addition(line.text, self._context)
+            except urscript.ScriptError as error:
                 line.discard(f"Compile error {error.code.rstrip(':')}")
                 continue
             except Exception as error:

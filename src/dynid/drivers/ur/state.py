@@ -5,19 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dynid import protocol
 from dynid.core import Array, JobError, frozen
 from dynid.drivers.driver import QUANTITIES, Cycle, mode_name
 from dynid.drivers.ur.link import Dashboard, RtdeLink
-from dynid.protocol import (
-    OUTPUTS,
-    Numbers,
-    Recipe,
-    RobotStatus,
-    RuntimeState,
-    Version,
-    known_to,
-    value,
-)
 
 INDEX, STATE = "output_int_register_24", "output_int_register_25"
 """Where our program writes the number of the sample, and what it is doing."""
@@ -56,19 +47,19 @@ _CHANNELS = (
 _NAMES = {INDEX: "index", FEED: "index", STATE: "program_state"}
 
 
-def recorded_names(version: Version, index: str = INDEX) -> tuple[str, ...]:
+def recorded_names(version: protocol.Version, index: str = INDEX) -> tuple[str, ...]:
     """The variables to ask a controller for: all of ours that its software has.
 
     `index` is where the number of the sample is found: `INDEX`, or `FEED` where it is streamed.
     """
     names = (*SIGNALS.values(), *(index if name == INDEX else name for name in _CHANNELS))
-    return tuple(name for name in names if OUTPUTS[name].exists_in(version))
+    return tuple(name for name in names if protocol.OUTPUTS[name].exists_in(version))
 
 
-def recorded(version: Version, index: str = INDEX) -> "Layout":
+def recorded(version: protocol.Version, index: str = INDEX) -> "Layout":
     """The layout of `recorded_names`, without asking the controller."""
     names = recorded_names(version, index)
-    return Layout.of(Recipe(names, tuple(OUTPUTS[name].type for name in names)))
+    return Layout.of(protocol.Recipe(names, tuple(protocol.OUTPUTS[name].type for name in names)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +76,7 @@ class Layout:
     """The variable with the number of the sample."""
 
     @classmethod
-    def of(cls, recipe: Recipe) -> "Layout":
+    def of(cls, recipe: protocol.Recipe) -> "Layout":
         """The layout of a recipe made from `recorded_names`."""
         places: dict[str, slice] = {}
         start = 0
@@ -104,12 +95,12 @@ class Layout:
         signals = tuple((name, places[variable]) for name, variable in SIGNALS.items())
         return cls(signals, tuple(channels), places, INDEX if INDEX in places else FEED)
 
-    def number(self, numbers: Numbers, name: str) -> float:
+    def number(self, numbers: protocol.Numbers, name: str) -> float:
         """The number of a scalar variable."""
         start: int = self.places[name].start
         return float(numbers[start])
 
-    def cycle(self, numbers: Numbers) -> Cycle:
+    def cycle(self, numbers: protocol.Numbers) -> Cycle:
         """What the watchdog looks at."""
         return Cycle(
             timestamp=self.number(numbers, "timestamp"),
@@ -127,7 +118,7 @@ class Layout:
 
 
 def _teaches(status_bits: float) -> bool:
-    return bool(int(status_bits) & RobotStatus.TEACH_BUTTON)
+    return bool(int(status_bits) & protocol.RobotStatus.TEACH_BUTTON)
 
 
 _ASKED = (
@@ -190,7 +181,7 @@ def inspect(host: str) -> ControllerState:
         JobError: Nobody answers there, or what answers is no UR controller.
     """
     with closing(RtdeLink(host)) as link:
-        names = [name for name in _ASKED if OUTPUTS[name].exists_in(link.version[:3])]
+        names = [name for name in _ASKED if protocol.OUTPUTS[name].exists_in(link.version[:3])]
         recipe = link.ask_outputs(names)
         version, rate_hz, round_trip_s = link.version, link.rate_hz, link.answer_time()
         link.start()
@@ -234,19 +225,19 @@ def require_free(host: str) -> None:
     Raises:
         JobError: There is one, or nobody answers there.
     """
-    state = RuntimeState.STOPPED
+    state = protocol.RuntimeState.STOPPED
     with closing(RtdeLink(host)) as link:
         link.ask_outputs(["runtime_state"])
         link.start()
         # Of the pass before ours the program may still be ending.
         for _ in range(round(_ENDING_S * link.rate_hz)):
             state = int(link.packages()[-1][0])
-            if state == RuntimeState.STOPPED:
+            if state == protocol.RuntimeState.STOPPED:
                 return
     raise JobError(
         "another program runs on the controller",
         where=host,
-        value=mode_name(RuntimeState, state),
+        value=mode_name(protocol.RuntimeState, state),
         next_step="Start again when it has ended.",
     )
 
@@ -260,7 +251,7 @@ def _dashboard(host: str, version: tuple[int, int, int, int]) -> tuple[str, bool
         return "", None
     with closing(board):
         model, remote = (
-            value(board.ask(command)) if known_to(command, version[:2]) else ""
+            protocol.value(board.ask(command)) if protocol.known_to(command, version[:2]) else ""
             for command in ("get robot model", "is in remote control")
         )
         board.ask("quit")
