@@ -215,7 +215,7 @@ def test_a_payload_that_is_taken_up_on_the_way_is_named(
 def test_objects_that_are_picked_up_and_put_down_are_named_with_their_mass(
     tmp_path: Path, seconds: float, held: float, changes: int
 ) -> None:
-    """One change explains little of it; in the same place of each repetition none seems to be new."""
+    """One change explains little; in the same place of each repetition none seems to be new."""
     wrong = Wrong(carried=0.5, carried_from=1.5, carried_for=held, seconds=seconds)
     (found,) = faults(tmp_path, wrong)
     assert (found.kind, found.code) == ("payload_change", "payload")

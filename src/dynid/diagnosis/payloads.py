@@ -9,9 +9,9 @@ from dynid.core import Array, Indices, Mask, scipy_part
 from dynid.diagnosis.events import WINDOW_S
 from dynid.diagnosis.residual import Reference, correlation_length, solution
 
-PARTS, PART_S, FREE, SWEEPS = (48, 192), 1.0, 2, 8
+PARTS, PART_S, SWEEPS = (48, 192), 1.0, 8
 """Fewest and most parts of a recording whose loads are changed first, how long they are [s], and
-how many times the rows are chosen again, before changes cost something and in all."""
+how many times the rows are chosen again."""
 REPEATED = 20
 """Part of a repetition to which a change comes back at the same place of the next."""
 
@@ -31,8 +31,8 @@ def changes_of(rows: Mask, period: int) -> tuple[Indices, int]:
 def loaded(ref: Reference, values: Array, body: Array, width: Array) -> Mask:
     """(T) rows in which an arm carries what it does not carry in the first row.
 
-    Parts of the recording change their load one by one as long as less is left; then each row goes
-    to the load that leaves less of it. All parameters are fitted anew with each choice.
+    Stretches of the recording change their load as long as less is left; then each row goes to the
+    load that leaves less of it. All parameters are fitted anew with each choice.
 
     Args:
         ref: A reference.
@@ -52,7 +52,7 @@ def loaded(ref: Reference, values: Array, body: Array, width: Array) -> Mask:
         matrix += ref.precision
         right = flat @ (weights[:, None] * torque).ravel() + ref.precision @ ref.mean
         if now is None:
-            parts = round(float(np.clip(np.ptp(rec.t) / PART_S, *PARTS)))
+            parts = min(len(torque.T), round(float(np.clip(np.ptp(rec.t) / PART_S, *PARTS))))
             now = _parts_loaded(columns, torque, body, weighted, matrix, right, prior, parts)
         at = (weighted * now).reshape(bodies.shape)
         both = np.column_stack([flat @ at.T, right])
@@ -63,8 +63,8 @@ def loaded(ref: Reference, values: Array, body: Array, width: Array) -> Mask:
         with_it = without - np.tensordot(sizes, body, axes=1)
         weights = _weights(np.where(now, with_it, without), ref.period)
         costs = 0.5 * weights @ (np.square(with_it) - np.square(without))
-        before, now = now, _in_turns(costs, span, 0.0 if sweep < FREE else 1.0)
-        if sweep >= FREE and np.array_equal(before, now):
+        before, now = now, _in_turns(costs, span, free=sweep == 0)
+        if sweep and np.array_equal(before, now):
             break
     return np.zeros(len(torque.T), dtype=np.bool_) if now is None else now != now[0]
 
@@ -85,7 +85,9 @@ def _parts_loaded(
     prior: Array,
     parts: int,
 ) -> Mask:
-    """(T) rows of the parts that leave least when they carry a body, one more or less at a time.
+    """(T) rows of the parts that leave least when they carry a body.
+
+    As long as that leaves less, the stretch of parts is changed that gains most.
 
     Args:
         columns: (p, n, T) columns of the arm.
@@ -136,24 +138,25 @@ def _up_to(values: Array, axis: int) -> Array:
     return np.concatenate([np.zeros(shape), np.cumsum(values, axis=axis)], axis=axis)
 
 
-def _in_turns(costs: Array, span: int, price: float) -> Mask:
+def _in_turns(costs: Array, span: int, free: bool) -> Mask:
     """(T) rows that cost (T) least together: windows of so many rows, then rows about a change."""
     starts = np.arange(0, len(costs), span)
-    rough = _cheapest(np.add.reduceat(costs, starts), price)
+    rough = _cheapest(np.add.reduceat(costs, starts), free)
     rough = np.repeat(rough, np.diff(np.append(starts, len(costs))))
     changes = np.diff(rough, prepend=rough[0])
     near: Mask = scipy_part("ndimage").maximum_filter1d(changes, 1 + 2 * span)
     sure = np.where(rough, -1.0, 1.0) * (1 + np.abs(costs).sum())
-    return _cheapest(np.where(near, costs, sure), price)
+    return _cheapest(np.where(near, costs, sure), free)
 
 
-def _cheapest(costs: Array, price: float) -> Mask:
+def _cheapest(costs: Array, free: bool) -> Mask:
     """(K) places that cost (K) least together with their changes (Viterbi 1967).
 
-    A change costs as much as to say where it is.
+    A change costs as much as to say where it is, or is `free`: what is found first leaves much.
     """
     off = on = 0.0
-    change, came = price * float(np.log(len(costs))), np.empty((len(costs), 2), dtype=np.bool_)
+    change = 0.0 if free else float(np.log(len(costs)))
+    came = np.empty((len(costs), 2), dtype=np.bool_)
     for k, cost in enumerate(costs.tolist()):
         came[k] = on + change < off, off + change < on
         off, on = min(off, on + change), min(on, off + change) + cost
