@@ -83,7 +83,7 @@ _STEPS = {
     "coupled_motors": "give the coupling of their motors in the robot file: {coupling}, "
     'torque_side = "motor", position_side = "motor"',
     "payload": "remove it, or give it in a robot file: [tool] with mass and com",
-    "payload_change": "identify parts with --from and --to, or record with one payload",
+    "payload_change": "record with one payload, or identify a part without changes (--from, --to)",
     "friction_drift": "move the arm until it is warm, or identify parts with --from and --to",
     "gravity_compensated": "record the whole torque: the controller's gravity has been taken off",
     "reversed": "check the signs of its torque or current and position",
