@@ -226,6 +226,17 @@ def test_objects_that_are_picked_up_and_put_down_are_named_with_their_mass(
     assert int(told[2]) == changes
 
 
+@pytest.mark.parametrize(("since", "held", "stop"), [(1.5, 2.0, 6.4), (6.5, 9.0, 8.0)])
+def test_contacts_that_last_beyond_the_change_of_a_payload_are_named(
+    tmp_path: Path, since: float, held: float, stop: float
+) -> None:
+    """A contact after a change, and one during which there is a change."""
+    carried = Wrong(carried=0.5, carried_from=since, carried_for=held, seconds=14.0)
+    found = faults(tmp_path, replace(carried, push=60.0, push_stop=stop))
+    assert [f.kind for f in found] == ["payload_change", "contact"]
+    assert found[1].value == pytest.approx(6.0, abs=EARLY_OR_LATE_S)
+
+
 @pytest.mark.parametrize(
     ("side", "turns"),
     [

@@ -369,7 +369,7 @@ def _signals(
         touched = tuple(c for c in touched if len(c.joints) > 1 or _moving(rec, c))
     if not made:
         changes = [t for item in explained.found for t in item.changes_s]
-        told = [c for c in touched if not _meets(c, changes)]
+        told = [c for c in touched if not _meets(rec, c, changes)]
         found += [_touched(c, robot) for c in told if not set(c.joints) <= doubted]
     for j in range(robot.joints):
         wave = ripple(rec, error, j, LEAST_RIPPLE * float(limit[j]), touched)
@@ -409,10 +409,11 @@ def _signals(
     return found
 
 
-def _meets(contact: Contact, changes_s: Sequence[float]) -> bool:
-    """Whether a contact is the change of a payload."""
-    start, stop = contact.start_s - NEXT_S, contact.stop_s + NEXT_S
-    return any(start <= t <= stop for t in changes_s)
+def _meets(rec: Recording, contact: Contact, changes_s: Sequence[float]) -> bool:
+    """Whether a contact begins and ends at changes of a payload, which are told to a row."""
+    near = NEXT_S + rec.block * float(rec.t[1] - rec.t[0])
+    ends = (contact.start_s, contact.stop_s)
+    return all(any(abs(end - t) <= near for t in changes_s) for end in ends)
 
 
 def _moving(rec: Recording, contact: Contact) -> bool:
