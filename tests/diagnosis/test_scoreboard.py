@@ -21,6 +21,8 @@ from dynid.bench import (
 )
 from dynid.core import Array
 from dynid.diagnosis import Recording, findings_of, link_prior
+from dynid.diagnosis.diagnose import recording_of
+from dynid.diagnosis.hypotheses import hypotheses
 from dynid.diagnosis.residual import fits, presliding_of, reference
 from dynid.diagnosis.whole_signals import whole_signals
 from dynid.recording import ExperimentRecord
@@ -237,6 +239,36 @@ def test_of_a_joint_whose_torque_is_lost_no_friction_drives() -> None:
     effort[:, 2] = 0.0
     lost = replace(made.record, signals={**made.record.signals, "effort": effort})
     assert "friction_compensated" not in {f.kind for f in findings_of(lost, made.robot)}
+
+
+@pytest.mark.parametrize("seed", [202, 254])
+def test_a_cable_is_no_object_that_is_picked_up(seed: int) -> None:
+    """It loads a slide on one side: with changes of a payload at any price it looks like one."""
+    real = plant(arm("sliding"), seed)
+    path = motion(real.robot, "teach", seed, 125.0, 20.0)
+    record = _measured(real, path.q, path.dq, 0.008)
+    effort, away = record.signals["effort"].copy(), path.q[:, 2] - path.q[:, 2].mean()
+    size = 0.45 * np.sqrt(np.square(effort[:, 2]).mean())
+    effort[:, 2] += size * np.maximum(away, 0.0) / np.abs(away).max()
+    (found,) = findings_of(
+        replace(record, signals={**record.signals, "effort": effort}), real.robot
+    )
+    assert (found.kind, found.joints) == ("spring", (2,))
+
+
+@pytest.mark.parametrize(("alternating", "told"), [(False, 2), (True, 3)])
+def test_changes_of_a_payload_that_come_back_count_once(alternating: bool, told: int) -> None:
+    """An object in the same part of each repetition, and one in every other of them."""
+    real = plant(arm("sliding"), 4)
+    path = motion(real.robot, "fourier", 4, 125.0, 40.0)
+    there = (path.t // 10.0) % 2 == 1 if alternating else (path.t % 10.0 > 2) & (path.t % 10.0 < 6)
+    parts = (real, real.with_payload(1.0, real.robot.flange[:3, 3]))
+    empty, full = (_measured(one, path.q, path.dq, 0.008) for one in parts)
+    effort = np.where(there[:, None], full.signals["effort"], empty.signals["effort"])
+    made = process(replace(full, signals={**full.signals, "effort": effort}), real.robot)
+    ref = reference(recording_of(real.robot, made), link_prior(real.robot))
+    (change,) = (h for h in hypotheses(ref, fits(ref)[1]) if h.kind == "payload_change")
+    assert (len(change.changes_s), change.told) == (3 if alternating else 8, told)
 
 
 def _measured(real: Plant, q: Array, dq: Array, step_s: float) -> ExperimentRecord:

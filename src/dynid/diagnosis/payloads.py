@@ -25,6 +25,7 @@ def changes_of(rows: Mask, period: int) -> tuple[Indices, int]:
     """
     changes: Indices = np.flatnonzero(np.diff(rows)) + 1
     again = np.abs(changes + period - changes[:, None]) <= period // REPEATED
+    again &= rows[changes] == rows[changes, None]
     return changes, len(changes) - int(again.any(axis=1).sum()) if period else len(changes)
 
 
@@ -126,7 +127,7 @@ def _parts_loaded(
         sides = now @ vector + sides[last] - sides[first]
         gains = np.sum(sides * np.linalg.solve(sums, sides[:, :, None])[:, :, 0], axis=1)
         best = int(gains.argmax())
-        if gains[best] <= gain:
+        if not gains[best] > gain:  # Nor is no number, as of torques that overflow.
             return np.repeat(now > 0, np.diff(edges))
         gain, part = float(gains[best]), slice(first[best], last[best])
         now[part] = 1 - now[part]
