@@ -40,6 +40,8 @@ of the blocks left out) by which one of its sizes is that large where there is n
 LIKELY = 22.0
 """... and the drop of the left-out negative log likelihood where only one of two fits shows it
 [nats]."""
+MASS_SURE = 4.0
+"""Standard deviations of the mass of a body that comes and goes which only one of them shows."""
 LIKE_FRICTION = frozenset({"flexibility"})
 """Kinds with torques like those of friction that builds up: fast rows alone do not show them."""
 WORTH_A_LOOK, LOOKS = 4.0, 8
@@ -246,13 +248,16 @@ def _ranked(both: tuple[_Fitted, _Fitted], found: list[Explanation]) -> list[Sco
 def _outweighs(one: Scored, other: Scored, *, by_all: bool) -> bool:
     """Whether one fit shows a fault so well that the other need only agree on its size.
 
-    Few rows may be fast, which tell little then; all rows have to lean to a fault as well.
+    Few rows may be fast, which tell little then; all rows have to lean to a fault as well. The mass
+    of a body that comes and goes, whose rows were chosen, has to be sure then.
     """
     kind = one.hypothesis.kind
     agrees = abs(one.value - other.value) < 2 * np.hypot(one.std, other.std)
     alone = by_all and kind not in COUPLED
     leans = other.certainty > 1 and (by_all or kind not in LIKE_FRICTION)
-    return bool(one.score > LIKELY and agrees and (alone or leans))
+    sure = not one.hypothesis.told or abs(one.value) > MASS_SURE * one.std
+    likely = one.score > LIKELY and sure
+    return bool(likely and agrees and (alone or leans))
 
 
 def _drop(one: _Fitted, other: _Fitted) -> float:

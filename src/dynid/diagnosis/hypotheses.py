@@ -449,9 +449,7 @@ def score(found: Fits, rival: Hypothesis, alone: Fits) -> Scored:
     spread = np.sqrt((BLOCKS - 1) / BLOCKS * np.square(away).sum(axis=0))
     stds = np.hypot(spread, np.sqrt(np.maximum(np.diag(inverse), 0.0)))
     value, std = _one_number(rival.kind, x, stds)
-    # Of a body whose rows were chosen the mass is sure, not a centre a metre away from nothing.
-    sizes = (np.append(x, value), np.append(stds, std)) if not rival.told else (value, std)
-    ratios = np.abs(sizes[0]) / np.maximum(sizes[1], 1e-300)
+    ratios = np.abs(np.append(x, value)) / np.maximum(np.append(stds, std), 1e-300)
     gain = 0.5 * float(found.counts @ np.log(before / after))
     normal, vector, solved = _eliminated(without, blocks)
     unlikely = without.penalty(solved[:, -1]) - found.penalty(values)
