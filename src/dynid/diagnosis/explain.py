@@ -40,8 +40,6 @@ of the blocks left out) by which one of its sizes is that large where there is n
 LIKELY = 22.0
 """... and the drop of the left-out negative log likelihood where only one of two fits shows it
 [nats]."""
-MASS_SURE = 4.0
-"""Standard deviations of the mass of a body that comes and goes which only one of them shows."""
 LIKE_FRICTION = frozenset({"flexibility"})
 """Kinds with torques like those of friction that builds up: fast rows alone do not show them."""
 WORTH_A_LOOK, LOOKS = 4.0, 8
@@ -255,7 +253,7 @@ def _outweighs(one: Scored, other: Scored, *, by_all: bool) -> bool:
     agrees = abs(one.value - other.value) < 2 * np.hypot(one.std, other.std)
     alone = by_all and kind not in COUPLED
     leans = other.certainty > 1 and (by_all or kind not in LIKE_FRICTION)
-    sure = not one.hypothesis.told or abs(one.value) > MASS_SURE * one.std
+    sure = not one.hypothesis.told or abs(one.value) > _by_chance(1) * one.std
     likely = one.score > LIKELY and sure
     return bool(likely and agrees and (alone or leans))
 
@@ -400,10 +398,13 @@ def _admitted(scored: Scored, found: list[Explanation]) -> bool:
     # A size that was found before may be corrected downwards.
     physical = scored.value > known.lowest or any(_same(item, known) for item in found)
     # Of several sizes one is large by chance more often, and the one that is told may be none.
-    tail = 0.5 * BY_CHANCE / known.free
-    certain = -float(scipy_part("special").stdtrit(BLOCKS - 1, tail))
-    sure = scored.certainty > certain and size > max(known.least, scored.std)
+    sure = scored.certainty > _by_chance(known.free) and size > max(known.least, scored.std)
     return physical and sure and scored.evidence > EVIDENT
+
+
+def _by_chance(sizes: int) -> float:
+    """Standard deviations that one of so many sizes exceeds by chance."""
+    return -float(scipy_part("special").stdtrit(BLOCKS - 1, 0.5 * BY_CHANCE / sizes))
 
 
 def _explanation(best: Scored, others: list[Scored], before: Explanation | None) -> Explanation:
