@@ -241,8 +241,9 @@ def test_the_simulated_arm_follows_and_obeys_its_own_dynamics() -> None:
     motion = series.evaluate(t)
     samples = process(recording(3, noise=0.0), ur5(), ProcessingSettings(cutoff_hz=40.0))
     reference = replace(
-        samples, t=t, q=motion.q, dq=motion.dq, ddq=motion.ddq, tau=torques(series, t)
-    )
+        samples, t=t, q=motion.q, dq=motion.dq, ddq=motion.ddq, tau=torques(series, t),
+        unfiltered_q=None,
+    )  # fmt: skip
     model = InverseDynamicModel(robot=ur5())
     simulated = ClosedLoop(model=model, parameters=oracle()[1]).simulate(reference)
     assert np.abs(simulated.q - reference.q).max() < 2e-3

@@ -86,7 +86,7 @@ def test_each_recording_starts_anew_whatever_was_recorded_before() -> None:
     # The first ends far from where the second begins: no joint slid from there to here.
     parts = [process(presliding(seed), ur5()) for seed in (0, 1)]
     model = InverseDynamicModel(robot=ur5(), friction=FrictionTerms(presliding=(0.3,) * 6))
-    alone = np.concatenate([model.friction_state(part.q) for part in parts], axis=1)
+    alone = np.concatenate([model.friction_state(part.friction_q) for part in parts], axis=1)
     np.testing.assert_array_equal(motion_state(model, joined(parts)), alone)
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from dynid.core import InputError
 from dynid.recording import ExperimentRecord
+from dynid.regressor import friction_state
 from dynid.robot import RobotModel, load_robot
 from dynid.signals import (
     ProcessingSettings,
@@ -325,3 +326,29 @@ def test_samples_must_agree() -> None:
         Samples(t=np.arange(20.0), **{**whole, "ddq": fine[:, :1]})
     with pytest.raises(InputError, match="tau is not finite"):
         Samples(t=np.arange(20.0), **{**whole, "tau": fine + np.nan})
+
+
+STEP = 5e-6
+"""Of an encoder [rad]."""
+OVER = np.array([1e-3])
+"""Displacement over which friction builds up [rad]."""
+STATE = 0.02
+"""To which the state of friction is known, of 1; 0.12 from filtered positions."""
+
+
+def test_friction_follows_where_a_joint_starts_and_rests_in_the_noise_of_its_encoder() -> None:
+    t = np.arange(3000) / 125.0
+    shares = [np.clip(t - start, 0.0, 1.0) for start in range(1, 22, 3)]
+    ways = [0.3 * (-1) ** (k // 2) for k in range(len(shares))]
+    q = sum(w * (3 * s**2 - 2 * s**3) for w, s in zip(ways, shares, strict=True))[:, None]
+    seen = STEP * np.round(q / STEP + 0.5 * np.random.default_rng(0).normal(size=q.shape))
+    samples = _run(ExperimentRecord(t=t, signals={"q": seen, "effort": 0.0 * q}))
+    true = friction_state(q.T, OVER)[:, np.round(samples.t * 125.0).astype(int)]
+
+    def error(positions: np.ndarray) -> float:
+        return float(np.sqrt(np.mean(np.square(friction_state(positions.T, OVER) - true))))
+
+    assert error(samples.friction_q) < STATE < error(samples.q) / 5
+    # Neither late nor early: the mirror image of the motion reversed in time.
+    mirrored = _run(ExperimentRecord(t=t, signals={"q": seen[::-1], "effort": 0.0 * q}))
+    np.testing.assert_allclose(mirrored.friction_q[::-1], samples.friction_q, rtol=0, atol=STEP)

@@ -51,7 +51,7 @@ def smooth_motion(samples: Samples) -> tuple[Samples, Indices]:
             value=f"{samples.count} samples",
             next_step="Use --estimator wls, or a longer record.",
         )
-    return replace(samples, q=q, dq=dq, ddq=ddq), indices
+    return replace(samples, q=q, dq=dq, ddq=ddq, unfiltered_q=None), indices
 
 
 def smooth_cutoff(q: Array, rate_hz: float) -> float:
@@ -69,7 +69,8 @@ def segments(t: Array, rate_hz: float) -> list[slice]:
 def picked(samples: Samples, indices: Indices) -> Samples:
     """The samples at some indices."""
     names = ("t", "q", "dq", "ddq", "tau")
-    return replace(samples, **{name: getattr(samples, name)[indices] for name in names})
+    chosen = {name: getattr(samples, name)[indices] for name in names}
+    return replace(samples, unfiltered_q=samples.friction_q[indices], **chosen)
 
 
 SERVO_HZ = 5.0
@@ -142,7 +143,7 @@ class ClosedLoop:
                         value=f"{np.abs(q - aim[0]).max():.3g} rad or m beside its reference",
                         next_step="Use --estimator sdp, or record a better motion.",
                     )
-        return replace(reference, q=out[0], dq=out[1], ddq=out[2])
+        return replace(reference, q=out[0], dq=out[1], ddq=out[2], unfiltered_q=None)
 
     def _acceleration(self, aim: tuple[Array, ...], q: Array, dq: Array, step: float) -> Array:
         """(B, n) accelerations of all stretches for what they aim at."""

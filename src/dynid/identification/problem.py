@@ -91,7 +91,8 @@ def motion_state(model: InverseDynamicModel, samples: Samples) -> Array | None:
     """(n, N) state of presliding friction along samples; None without any."""
     # Only averaged periods know the scatter between them.
     periodic = samples.noise is not None
-    states = [model.friction_state(samples.q[run], periodic=periodic) for run in samples.runs]
+    q = samples.friction_q
+    states = [model.friction_state(q[run], periodic=periodic) for run in samples.runs]
     known = [state for state in states if state is not None]
     return np.concatenate(known, axis=1) if known else None
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core import Array, InputError, scipy_part
+from dynid.core import Array, InputError, compiled, scipy_part
 from dynid.signals.resample import GAP_STEPS, UniformSignals, linear
 
 METHODS = ("central", "savgol")
@@ -92,6 +92,43 @@ def _continued(sections: Array, values: Array, beyond: int, share: float) -> Arr
 
     cubics = np.linalg.lstsq(state(powers[: len(last)]), state(last - last[-1]), rcond=None)[0]
     return last[-1] + powers[len(last) :] @ cubics
+
+
+SURELY_MOVED = 4.0
+"""Deviations of an encoder's noise from which a joint has moved."""
+
+
+def encoder_noise(q: Array, smooth: Array) -> Array:
+    """(n) standard deviation of the noise of positions (N, n), from what a low-pass takes away.
+
+    From the median: where a joint starts or stops, a low-pass takes away motion.
+    """
+    return np.asarray(1.4826 * np.median(np.abs(q - smooth), axis=0), dtype=np.float64)
+
+
+def without_noise(q: Array, noise: Array, *, periodic: bool = False) -> Array:
+    """Positions (N, n) with a dead band of `SURELY_MOVED` deviations (n) of their noise.
+
+    Noise does not move a joint at rest, and one that starts does not move before, as behind a
+    low-pass. Each position follows the recorded one where that is farther away and stays where it
+    is closer, forward and backward in time: the mean is neither late nor early.
+    Periodic where the samples span whole periods.
+    """
+    turns = (q, q) if periodic else (q,)
+    forward = np.array(np.concatenate(turns), order="C")
+    backward = np.array(forward[::-1], order="C")
+    for way in (forward, backward):
+        _hold(way, SURELY_MOVED * noise)
+    return (forward[-len(q) :] + backward[-len(q) :][::-1]) / 2
+
+
+@compiled()
+def _hold(q: Array, band: Array) -> None:
+    for j in range(q.shape[1]):
+        now = q[0, j]
+        for i in range(q.shape[0]):
+            now = min(max(now, q[i, j] - band[j]), q[i, j] + band[j])
+            q[i, j] = now
 
 
 def motion_bandwidth(q: Array, rate_hz: float) -> float:

@@ -15,7 +15,7 @@ from dynid.core import Array
 from dynid.recording import AnyRecording, ExperimentRecord, StoredRecording
 from dynid.robot import RobotModel
 from dynid.signals import resample
-from dynid.signals.filters import SETTLED
+from dynid.signals.filters import SETTLED, without_noise
 from dynid.signals.process import (
     ProcessingSettings,
     Samples,
@@ -169,6 +169,8 @@ class LongSignals:
     settings: ProcessingSettings
     """With a cut-off; without a period; data are thinned."""
     grid: StreamGrid
+    encoder_noise: Array | None
+    """(n) see `Samples`."""
     runs: tuple[tuple[int, int], ...] = field(init=False)
     """Points of the grid that are kept: the first, and one behind the last, of each run."""
 
@@ -218,16 +220,20 @@ class LongSignals:
             low, high = near[0][0] - beside, near[-1][1] + beside
             signals = self._signals(max(low, 0), min(high, self.grid.count))
             motion = filtered_motion(signals, self.settings, self.cutoff_hz)
+            noise = self.encoder_noise
+            held = signals.q if noise is None else without_noise(signals.q, noise)
             torque = delayed(signals.torque, signals.rate_hz, self.settings.delays_s)
             kept = np.concatenate([np.arange(a, b) for a, b in near]) - max(low, 0)
-            pieces.append([values[kept] for values in (signals.t, *motion, torque)])
-        t, q, dq, ddq, tau = (np.concatenate(values) for values in zip(*pieces, strict=True))
+            pieces.append([values[kept] for values in (signals.t, *motion, held, torque)])
+        t, q, dq, ddq, held, tau = (np.concatenate(values) for values in zip(*pieces, strict=True))
         return Samples(
             t=t - self.grid.start_s,
             q=q,
             dq=dq,
             ddq=ddq,
             tau=tau,
+            unfiltered_q=held,
+            encoder_noise=self.encoder_noise,
             block=self.block,
             rate_hz=self.grid.rate_hz,
             cutoff_hz=self.cutoff_hz,

@@ -101,6 +101,11 @@ class Samples(Value):
     """(n) what else differs between them, see `UniformSignals` [N.m or N]."""
     periods: float = 1.0
     """Periods of which torques are means."""
+    unfiltered_q: Array | None = None
+    """(N, n) positions as recorded, without their noise, see `filters.without_noise` [rad or m];
+    None for `q`."""
+    encoder_noise: Array | None = None
+    """(n) standard deviation of that noise [rad or m]."""
     torque_filter: TorqueFilter | None = None
     """The low-pass that the recorded torque has passed."""
     late_s: Array | None = None
@@ -110,6 +115,8 @@ class Samples(Value):
     def __post_init__(self) -> None:
         freeze(self, t=(None,), q=(len(self.t), None))
         freeze(self, dq=self.q.shape, ddq=self.q.shape, tau=self.q.shape)
+        if self.unfiltered_q is not None:
+            freeze(self, unfiltered_q=self.q.shape)
 
     def as_recorded(self, values: Array, part: slice | None = None) -> Array:
         """What the record would show of torques or columns (..., T) of a part of the samples."""
@@ -123,6 +130,11 @@ class Samples(Value):
         reach = 0 if self.torque_filter is None else self.torque_filter.reach(self.rate_hz)
         wide = slice(max(part.start - reach, 0), min(part.stop + reach, self.count))
         return wide, slice(part.start - wide.start, part.stop - wide.start)
+
+    @property
+    def friction_q(self) -> Array:
+        """(N, n) positions that the state of presliding friction follows [rad or m]."""
+        return self.q if self.unfiltered_q is None else self.unfiltered_q
 
     @property
     def rows(self) -> slice:
@@ -158,6 +170,7 @@ def joined(parts: Sequence[Samples]) -> Samples:
         parts[0],
         t=np.concatenate([part.t + s for part, s in zip(parts, starts, strict=True)]),
         **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names},
+        unfiltered_q=np.concatenate([part.friction_q for part in parts]),
         block=max(part.block for part in parts),
         noise=None,
         changed=None,
@@ -283,6 +296,8 @@ def samples_from(
         ddq = filters.fourier_derivative(dq, rate, cutoff)[1]
     else:
         q, dq, ddq = filtered_motion(signals, settings, cutoff)
+    noise = filters.encoder_noise(signals.q, q)
+    unfiltered_q = filters.without_noise(signals.q, noise, periodic=folded)
     torque = delayed(signals.torque, rate, settings.delays_s, circular=folded)
     keep = _kept(signals, settings, cutoff, circular=folded, trim=trim)
     return Samples(
@@ -297,6 +312,8 @@ def samples_from(
         noise=signals.noise,
         changed=signals.changed,
         periods=signals.periods,
+        unfiltered_q=unfiltered_q[keep],
+        encoder_noise=noise,
         torque_filter=settings.torque_filter,
     )
 
@@ -425,11 +442,12 @@ def samples_at_stamps(
     # Between kept grid points that are no neighbours lies a gap.
     inside &= samples.t[after] - samples.t[after - 1] < 1.5 / signals.rate_hz
     kept = t[inside]
-    q, dq, ddq = (linear(samples.t, x, kept) for x in (samples.q, samples.dq, samples.ddq))
-    tau = torque[inside]
+    motion = (samples.q, samples.dq, samples.ddq, samples.friction_q)
+    q, dq, ddq, unfiltered_q = (linear(samples.t, x, kept) for x in motion)
     samples = replace(
-        samples, t=kept, q=q, dq=dq, ddq=ddq, tau=tau, block=1, noise=None, changed=None
-    )
+        samples, t=kept, q=q, dq=dq, ddq=ddq, tau=torque[inside], unfiltered_q=unfiltered_q,
+        block=1, noise=None, changed=None,
+    )  # fmt: skip
     if settings.delays_s is None or not any(settings.delays_s):
         return samples
     if len(settings.delays_s) != robot.joints:

@@ -112,7 +112,13 @@ def fit_long(
         stop_s=settings.stop_s,
     )
     everything = [
-        LongSignals(recording=recording, robot=robot, settings=settled, grid=grid)
+        LongSignals(
+            recording=recording,
+            robot=robot,
+            settings=settled,
+            grid=grid,
+            encoder_noise=found.samples.encoder_noise,
+        )
         for recording, grid in zip(recordings, grids, strict=True)
     ]
     rows = sum(_rows(signals) for signals in everything)

@@ -80,7 +80,7 @@ class CandidateColumns:
         for k, over in enumerate(self.displacements):
             for run in samples.runs:
                 states[:, k, run] = regressor.friction_state(
-                    samples.q[run].T, over * self.unit, periodic=samples.noise is not None
+                    samples.friction_q[run].T, over * self.unit, periodic=samples.noise is not None
                 )
         return states
 
