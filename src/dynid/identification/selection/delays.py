@@ -2,10 +2,11 @@
 
 A delay and friction that builds up over a displacement look alike where a joint turns back, and
 not elsewhere. So a delay is measured beside all friction that is known, at once and without a
-choice; and when friction is chosen, measured again with the displacement, of which the best one is
-taken for each delay. Then the motion is moved by fractions of a sample, the torque by whole ones:
-the motion is smooth between samples, the torque of friction is not. Rows in motion alone count
-then: where a joint comes to rest slowly, a displacement of 1e-6 rad takes as long as a delay.
+choice; and when friction is chosen, it has to pay beside the friction that its joint would have
+without it, and is measured again with the displacement, of which the best one is taken for each
+delay. Then the motion is moved by fractions of a sample, the torque by whole ones: the motion is
+smooth between samples, the torque of friction is not. Rows in motion alone count then: where a
+joint comes to rest slowly, a displacement of 1e-6 rad takes as long as a delay.
 """
 
 from collections.abc import Iterator, Sequence
@@ -41,7 +42,7 @@ class Delays:
     """How much later torques were recorded than the motion."""
 
     taken_s: tuple[float, ...] | None = None
-    """(n) delays that pay, 0 for the others; None where none does [s]."""
+    """(n) delays that pay, in whole samples, 0 for the others; None where none does [s]."""
     std_s: tuple[float, ...] | None = None
     """(n) their standard deviations, from leaving parts out; None where none was measured [s]."""
 
@@ -79,8 +80,37 @@ def measured_delays(search: ScoreSearch, settings: ProcessingSettings) -> Delays
     seen = (LEAST_SURE * std < np.abs(found)) & (np.abs(found) < LONGEST_DELAY_S)
     near = np.where(seen, np.round(found * rate) / rate, 0.0)
     taken = _taken(search, settings, columns, places, near, np.abs(found) < CERTAIN * std)
-    late = tuple(np.where(taken, found, 0.0).tolist()) if any(taken) else None
+    late = tuple(np.where(taken, near, 0.0).tolist()) if any(taken) else None
     return Delays(taken_s=late, std_s=tuple(std.tolist()))
+
+
+def delays_that_pay(
+    search: ScoreSearch,
+    settings: ProcessingSettings,
+    choices: tuple[JointChoice, ...],
+    now: Scores,
+    prior: float,
+) -> tuple[ProcessingSettings, tuple[JointChoice, ...], Scores]:
+    """Leave out delays that do not pay beside the friction that a joint would have without.
+
+    Args:
+        search: The recordings.
+        settings: With delays in whole samples: means of two samples have less noise.
+        choices: The friction that was chosen with them.
+        now: Its left-out errors.
+        prior: Weight of the published inertias.
+    """
+    for j in np.argsort(np.abs(settings.delays_s or ())).tolist():
+        late = list(settings.delays_s or ())
+        if late[j] == 0.0:
+            continue
+        late[j] = 0.0
+        plain = replace(settings, delays_s=tuple(late) if any(late) else None)
+        found, without = search.descend(plain, choices, prior, [j])
+        gains = now.gains(without)
+        if min(gain - search.anywhere * error for gain, error in gains) < LEAST_GAIN:
+            settings, choices, now = plain, found, without
+    return settings, choices, now
 
 
 def refined_delays(

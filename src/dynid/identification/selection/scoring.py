@@ -381,15 +381,22 @@ class ScoreSearch:
         return tuple(PRIOR_WEIGHTS[k] for k in near), scored[near[-1]]
 
     def descend(
-        self, settings: ProcessingSettings, choices: tuple[JointChoice, ...], prior: float
+        self,
+        settings: ProcessingSettings,
+        choices: tuple[JointChoice, ...],
+        prior: float,
+        joints: Sequence[int] | None = None,
     ) -> tuple[tuple[JointChoice, ...], Scores]:
-        """Improve one joint at a time until nothing is clearly better on every partition."""
+        """Improve one joint at a time until nothing is clearly better on every partition.
+
+        Of all joints, or of some.
+        """
         blocks = self.blocks(settings)
         weights = self.weights(blocks, choices, prior)
         now = self.scores(blocks, choices, weights, prior)
         for _ in range(PASSES):
             before = choices
-            for j in range(self.robot.joints):
+            for j in range(self.robot.joints) if joints is None else joints:
                 found: tuple[float, JointChoice, Scores] | None = None
                 for trial in self.columns.moves(choices[j], j in coupled_motors(self.robot)):
                     moved = (*choices[:j], trial, *choices[j + 1 :])

@@ -13,7 +13,12 @@ import numpy as np
 
 from dynid.core import Array, Progress, silent
 from dynid.identification.selection.columns import DISPLACEMENTS, PLAIN_WIDTH, JointChoice
-from dynid.identification.selection.delays import Delays, measured_delays, refined_delays
+from dynid.identification.selection.delays import (
+    Delays,
+    delays_that_pay,
+    measured_delays,
+    refined_delays,
+)
 from dynid.identification.selection.scoring import GAIN_OF_SHAPE, ScoreSearch
 from dynid.regressor import FrictionTerms, coupled_motors
 from dynid.robot import RobotModel
@@ -113,6 +118,9 @@ def select(
     tell("friction", 0.4)
     prior = search.prior_weights(trials[best], choices, search.plain_prior)[0][0]
     choices, now = search.descend(trials[best], choices, prior)
+    if delays_are_free:
+        chosen, choices, now = delays_that_pay(search, trials[best], choices, now, prior)
+        trials = tuple(replace(trial, delays_s=chosen.delays_s) for trial in trials)
     # Steps that are sharper than friction is ask for a low cut-off: chosen, it may move far.
     tell("cut-off", 0.75)
     far, tried = int(np.argmin([search.plain_score(trial, choices) for trial in trials])), {best}
