@@ -282,6 +282,16 @@ def test_an_estimate_carries_left_out_errors_models_and_intervals(tmp_path: Path
     # Twice as fast as anything recorded, the interval is wider.
     fast = result.estimate.half_width(q, zero + 20.0, zero + 100.0)
     assert (fast > 2.0 * found.half_width).all()
+    # Where a joint errs at rest alone, what is unsure of its parameters is no less in motion.
+    calm = replace(told.interval, quantiles=0.0 * told.interval.quantiles)
+    sure = replace(calm, root=0.0 * calm.root)
+    unsure, known = (
+        replace(result.estimate, assessment=replace(told, interval=interval)).half_width(
+            q, zero + 0.5, zero
+        )
+        for interval in (calm, sure)
+    )
+    assert (unsure > known).all()
     with pytest.raises(InputError, match="level"):
         result.estimate.half_width(q, zero, zero, level=1.5)
     with pytest.raises(InputError, match="no torque intervals"):

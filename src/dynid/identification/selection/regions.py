@@ -145,8 +145,9 @@ class TorqueInterval(Value):
 
     s^2 = sigma^2 + c^2 h with the leverage h = |root' x|^2 of a state's columns x. The half width
     is a quantile of |error| / s on the regions left out (split conformal prediction), of rows in
-    motion and at rest apart; at rest never less than stiction may hold. What friction and drive
-    gains of another day may change, and the noise of single samples, are added in square.
+    motion and at rest apart; at rest never less than stiction may hold, and of the leverage never
+    a smaller one than that of normal errors: sigma may be that of the other rows. What friction and
+    drive gains of another day may change, and the noise of single samples, are added in square.
     """
 
     root: Array
@@ -206,17 +207,19 @@ class TorqueInterval(Value):
                 j = int(names[k][2:]) - 1
                 # Where the Coulomb column is not saturated, friction holds what it is given.
                 stiction[j] = abs(values[k]) * np.sqrt(np.maximum(1.0 - columns[k, j] ** 2, 0.0))
-        variance = np.square(self.sigma)[:, None]
-        variance = variance + np.square(self.scale)[:, None] * leverage(self.root, columns)
         rest, moved = np.array(
             [[np.interp(level, LEVELS, row) for row in part] for part in self.quantiles],
             dtype=np.float64,
         )
         # As arithmetic: the type of `where` is not known to checkers.
         factor = rest[:, None] + (np.abs(dq) > self.slowest[:, None]) * (moved - rest)[:, None]
-        # Friction at rest is anywhere between its bounds.
-        half = np.maximum(factor * np.sqrt(variance), level * stiction)
         normal = NormalDist().inv_cdf((1.0 + level) / 2.0)
+        # A share of sigma that errs less in motion than at rest says nothing of the parameters.
+        unsure = np.maximum(factor, normal) * self.scale[:, None]
+        unsure = np.square(unsure) * leverage(self.root, columns)
+        # Friction at rest is anywhere between its bounds.
+        half = np.sqrt(np.square(factor * self.sigma[:, None]) + unsure)
+        half = np.maximum(half, level * stiction)
         change = np.hypot(FRICTION_CHANGE * friction, GAIN_CHANGE * torque)
         hidden = unseen.deviation(dq, ddq, friction, self.sigma)
         beside = np.sqrt(change**2 + hidden**2 + self.averaged[:, None] ** 2)
