@@ -340,16 +340,27 @@ def travels(q: Array) -> Mask:
     return reach >= STILL * reach.max()
 
 
+SCALE, FILTER_S = 0.5, 0.1
+"""Spread of a clock's scale, and of the time constants of the filters of velocities [s]."""
+TOLD_APART = 3e-3
+"""Singular value over the largest from which the motion tells scale and filter apart."""
+
+
 def clock_scale(t: Array, q: Array, dq: Array) -> float:
-    """Time of the stamps over time of the velocities: positions against integrated velocities."""
+    """Time of the stamps over time of the velocities: positions against integrated velocities.
+
+    Controllers filter velocities. A clock scales all frequencies alike; a filter of second order
+    leaves the slow ones, and adds the filtered velocity and its derivative to the positions.
+    """
     steps = np.diff(t)
-    a, b = np.zeros_like(q), q.copy()
+    a = np.zeros_like(q)
     a[1:] = np.cumsum((dq[1:] + dq[:-1]) / 2 * steps[:, None], axis=0)
+    slope = np.gradient(dq, t, axis=0)
+    rows = np.array([SCALE * q, FILTER_S * dq, FILTER_S**2 * slope, a - q])
     # How far joints went within a gap, velocities beside it do not tell.
     starts = np.flatnonzero(steps > GAP_STEPS * np.median(steps)) + 1
     for part in np.split(np.arange(len(t)), starts):
-        a[part] -= a[part].mean(axis=0)
-        b[part] -= b[part].mean(axis=0)
-    moves = travels(q)
-    ratios = (a * b).sum(axis=0) / np.maximum(np.square(b).sum(axis=0), 1e-12)
-    return float(np.median(ratios[moves]))
+        rows[:, part] -= rows[:, part].mean(axis=1, keepdims=True)
+    every = rows[:, :, travels(q)].transpose(2, 1, 0)
+    found: list[Array] = [np.linalg.lstsq(x[:, :-1], x[:, -1], TOLD_APART)[0] for x in every]
+    return 1 + SCALE * float(np.median(found, axis=0)[0])
