@@ -13,7 +13,7 @@ from pinocchio_arm import NOISE, RATE, Wrong, arm, recording
 from scipy.signal import butter, lfilter
 
 from dynid import FourierSeries, identify, random_excitation, read_recording, simulate_recording
-from dynid.core import Finding
+from dynid.core import Finding, RecordError
 from dynid.diagnosis import (
     Explanation,
     Recording,
@@ -656,6 +656,24 @@ def test_a_torque_of_zero_is_no_number_that_cannot_be(tmp_path: Path) -> None:
     found = findings_of(dead, arm(tmp_path))
     assert found
     assert all(np.isfinite(f.value) for f in found if f.value is not None)
+
+
+@pytest.mark.parametrize(("factor", "said"), [(1e155, "which no arm does"), (0.0, "same on every")])
+def test_torques_that_cannot_be_are_refused(tmp_path: Path, factor: float, said: str) -> None:
+    """1e155 N.m were a LinAlgError, and of zeros the richest model left inf %."""
+    record = recording(Wrong())
+    signals = {**record.signals, "effort": factor * record.signals["effort"]}
+    with pytest.raises(RecordError, match=said):
+        findings_of(replace(record, signals=signals), arm(tmp_path))
+
+
+def test_of_torques_that_are_zero_in_a_window_nothing_is_unexplained(tmp_path: Path) -> None:
+    record = recording(Wrong())
+    off = record.t < record.t[0] + 6.0
+    effort = np.where(off[:, None], 0.0, record.signals["effort"])
+    dead = replace(record, signals={**record.signals, "effort": effort})
+    found = diagnose([dead], arm(tmp_path), ProcessingSettings(stop_s=6.0))
+    assert "unexplained" not in {f.kind for f in found}
 
 
 def test_two_faults_are_told_apart(tmp_path: Path) -> None:

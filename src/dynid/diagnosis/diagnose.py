@@ -20,7 +20,7 @@ from dynid.diagnosis.explain import Explained, Explanation, explain
 from dynid.diagnosis.hypotheses import COUPLED, LEAST_DELAY_S
 from dynid.diagnosis.prior import link_prior
 from dynid.diagnosis.residual import ROWS, SHAPES, Recording, fits, reference, undriven
-from dynid.recording import ExperimentRecord, at_limit
+from dynid.recording import ExperimentRecord, at_limit, checked_records
 from dynid.robot import RobotModel
 from dynid.signals import ProcessingSettings, Samples, process
 
@@ -185,8 +185,12 @@ def _compensated(finding: Finding, delays_s: Sequence[float] | None) -> Finding:
 
 
 def findings_of(record: ExperimentRecord, robot: RobotModel) -> tuple[Finding, ...]:
-    """`diagnose` for one recording."""
-    return diagnose([record], robot, ProcessingSettings())
+    """`diagnose` for one recording.
+
+    Raises:
+        RecordError: A torque that never changes, or of a size that no arm has.
+    """
+    return diagnose(checked_records([record]), robot, ProcessingSettings())
 
 
 def _explained(recording: Recording, prior: tuple[Array, Array]) -> Explained:
@@ -398,7 +402,8 @@ def _signals(
     noise = np.square(np.diff(rows, axis=1)).mean(axis=1) / 2
     left = np.square(rows[:, free]).mean(axis=1)
     beyond = np.maximum(left - noise, 0.0)
-    share = float(np.sqrt(beyond.sum() / np.square(torque).sum()))
+    # Torques that are zero in the window leave nothing to explain.
+    share = float(np.sqrt(beyond.sum() / (np.square(torque).sum() or np.inf)))
     if share > UNEXPLAINED:
         text = (
             f"the richest model leaves {100 * share:.0f} % of the torques, and no single fault "
