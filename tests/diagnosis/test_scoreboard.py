@@ -41,6 +41,11 @@ CLEAN = (
     Case(arm="seven", motion="teach", rate_hz=1000.0, duration_s=15.0, seed=961818018),
     # The clocks seem 60 ms apart, and 48 ms of that a delay the other way.
     Case(arm="ur5", motion="teach", rate_hz=125.0, duration_s=10.0, seed=775454470),
+    # Two or three ways, which a spring, another order, another zero and a payload fit as well.
+    Case(arm="heavy", motion="teach", rate_hz=250.0, duration_s=12.0, seed=17868355),
+    Case(arm="seven", motion="teach", rate_hz=250.0, duration_s=12.0, seed=685732222),
+    Case(arm="ur10e", motion="teach", rate_hz=125.0, duration_s=10.0, seed=51209129),
+    Case(arm="ur3", motion="teach", rate_hz=125.0, duration_s=15.0, seed=785306333),
 )
 SLOW_CLEAN = (
     # All rows show a coupled motor clearly, fast ones do not.
@@ -77,6 +82,9 @@ PLANTED = (
     ("sliding", "waypoints", 100.0, 30.0, 723269726, "gravity_compensated", "large"),
     # Surely and evidently in both fits, though blocks left out are not predicted better.
     ("ur10e", "teach", 125.0, 30.0, 67384537, "payload", "medium"),
+    # Two ways show both, though each of them counts as one error.
+    ("ur5", "teach", 125.0, 12.0, 78712262, "payload", "large"),
+    ("heavy", "teach", 125.0, 8.0, 510099293, "gain", "large"),
 )
 SLOW = (
     # The information is in few stretches: fits without one of them still agree on it.

@@ -5,7 +5,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, Indices, Mask, scipy_part
-from dynid.diagnosis.residual import SHAPES, STEPPED, Recording, Reference, correlation_length, fits
+from dynid.diagnosis.residual import (
+    BLOCKS,
+    SHAPES,
+    SLOW,
+    STEPPED,
+    Recording,
+    Reference,
+    correlation_length,
+    fits,
+)
 from dynid.identification import wave_power
 from dynid.robot import RobotModel
 from dynid.signals import GAP_STEPS, find_period
@@ -338,6 +347,19 @@ def travels(q: Array) -> Mask:
     """
     reach = q.std(axis=0)
     return reach >= STILL * reach.max()
+
+
+def strokes(rec: Recording) -> float:
+    """How often joints set out or turn round, over how many move at once; `BLOCKS` at most.
+
+    Between two rests all joints follow one profile: what a model leaves in its rows is one error,
+    however many they are. So many blocks of a recording are independent.
+    """
+    dq = rec.dq[:, travels(rec.q)]
+    way = np.sign(dq) * (np.abs(dq) > SLOW * np.percentile(np.abs(dq), 98, axis=0))
+    starts = (np.diff(way, axis=0, prepend=0.0) != 0) & (way != 0)
+    together = np.abs(way).sum() / max(float(way.any(axis=1).sum()), 1.0)
+    return float(np.clip(starts.sum() / max(together, 1.0), 1.0, BLOCKS))
 
 
 SCALE, FILTER_S = 0.5, 0.1

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, scipy_part
+from dynid.diagnosis.events import strokes
 from dynid.diagnosis.hypotheses import (
     COUPLED,
     Hypothesis,
@@ -264,7 +265,7 @@ def _drop(one: _Fitted, other: _Fitted) -> float:
     All joints count alike: an exchange must not gain from joints that count differently; nor does
     a gain, by torques that are smaller.
     """
-    count = float(np.median(other[1].counts))
+    count = float(np.median(other[1].counts)) * strokes(one[0].recording) / BLOCKS
 
     def cost(ref: Reference, sums: Fits, values: Array) -> float:
         left = np.square(ref.left(values)).mean(axis=1) + 1e-18
@@ -304,7 +305,7 @@ def _alone(ref: Reference, rival: Hypothesis, sums: Fits, first: int) -> Scored:
     )
     found, _ = settled(widened, start, ALONE_SWEEPS)
     found = replace(found, own=p, mean=ref.mean, precision=found.precision[:p, :p])
-    return score(found, rival, sums)
+    return score(found, rival, sums, strokes(ref.recording))
 
 
 def _confirmed(

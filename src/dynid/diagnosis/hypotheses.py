@@ -420,13 +420,14 @@ def _eliminated(found: Fits, blocks: Array) -> tuple[Array, Array, Array]:
     return left[:, :-1], left[:, -1], solved
 
 
-def score(found: Fits, rival: Hypothesis, alone: Fits) -> Scored:
+def score(found: Fits, rival: Hypothesis, alone: Fits, parts: float) -> Scored:
     """Score a rival against the reference.
 
     Args:
         found: Sums of the reference's columns, then the rival's.
         rival: The rival.
         alone: Those of the reference without it, with the spread of inertias that it has then.
+        parts: How many of the blocks are independent.
     """
     p, m, blocks = found.own, len(rival.columns), found.weighted()
     normal, vector, solved = _eliminated(found, blocks)
@@ -446,7 +447,7 @@ def score(found: Fits, rival: Hypothesis, alone: Fits) -> Scored:
     before, _ = left_out(without, blocks)
     after, each = left_out(replace(found, own=p + m, mean=mean, precision=widened), blocks)
     away = each[:, p:] - each[:, p:].mean(axis=0)
-    spread = np.sqrt((BLOCKS - 1) / BLOCKS * np.square(away).sum(axis=0))
+    spread = np.sqrt((BLOCKS - 1) / parts * np.square(away).sum(axis=0))
     stds = np.hypot(spread, np.sqrt(np.maximum(np.diag(inverse), 0.0)))
     value, std = _one_number(rival.kind, x, stds)
     ratios = np.abs(np.append(x, value)) / np.maximum(np.append(stds, std), 1e-300)
