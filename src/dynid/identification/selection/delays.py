@@ -107,8 +107,7 @@ def delays_that_pay(
         late[j] = 0.0
         plain = replace(settings, delays_s=tuple(late) if any(late) else None)
         found, without = search.descend(plain, choices, prior, [j])
-        gains = now.gains(without)
-        if min(gain - search.anywhere * error for gain, error in gains) < LEAST_GAIN:
+        if min(gain for gain, _ in now.gains(without)) < LEAST_GAIN:
             settings, choices, now = plain, found, without
     return settings, choices, now
 
