@@ -196,7 +196,7 @@ def test_the_weak_prior_holds_what_joints_at_rest_do_not_show(moving: tuple[int,
 
 
 def test_a_cut_off_moves_far_whatever_velocities_it_began_with() -> None:
-    case = Case(arm="seven", motion="waypoints", rate_hz=RATE, duration_s=20.0, seed=3)
+    case = Case(arm="seven", motion="waypoints", rate_hz=RATE, duration_s=20.0, seed=1)
     made, free = recorded(case), ProcessingSettings()
     signals = uniform_signals(made.record, made.robot, free)
     found = select(made.robot, "urdf", [signals], free).settings

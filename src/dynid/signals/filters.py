@@ -38,7 +38,8 @@ def fourier_derivative(values: Array, rate_hz: float, cutoff_hz: float) -> tuple
     count = len(values)
     spectrum = np.fft.rfft(values, axis=0)
     frequency = np.fft.rfftfreq(count, 1.0 / rate_hz)
-    spectrum[frequency > cutoff_hz] = 0.0
+    # A harmonic on the cut-off stays, of stamps that give a rate like 125.0000000002, too.
+    spectrum[frequency > cutoff_hz * (1 + 1e-6)] = 0.0
     slope = spectrum * (2j * np.pi * frequency)[:, None]
     return np.fft.irfft(spectrum, count, axis=0), np.fft.irfft(slope, count, axis=0)
 
