@@ -11,11 +11,14 @@ from dynid.recording import ExperimentRecord
 from dynid.regressor import friction_state
 from dynid.robot import RobotModel, load_robot
 from dynid.signals import (
+    LongSignals,
     ProcessingSettings,
     Samples,
     delayed,
     process,
+    samples_at_stamps,
     samples_from,
+    survey,
     uniform_signals,
 )
 from dynid.signals.process import BLOCK_RATE_HZ, MIN_SAMPLES, TIME_CONSTANTS
@@ -328,21 +331,28 @@ def test_samples_must_agree() -> None:
         Samples(t=np.arange(20.0), **{**whole, "tau": fine + np.nan})
 
 
-STEP = 5e-6
-"""Of an encoder [rad]."""
 OVER = np.array([1e-3])
 """Displacement over which friction builds up [rad]."""
-STATE = 0.02
-"""To which the state of friction is known, of 1; 0.12 from filtered positions."""
+STATE = 0.03
+"""To which the state of friction is known, of 1; 0.2 to 0.9 from positions filtered at 5 Hz."""
 
 
-def test_friction_follows_where_a_joint_starts_and_rests_in_the_noise_of_its_encoder() -> None:
-    t = np.arange(3000) / 125.0
-    shares = [np.clip(t - start, 0.0, 1.0) for start in range(1, 22, 3)]
-    ways = [0.3 * (-1) ** (k // 2) for k in range(len(shares))]
+def _moves_and_rests(step: float, moves: int) -> tuple[ExperimentRecord, np.ndarray]:
+    """Moves of 1 s within 60 s, by an encoder of such steps [rad] and noise; and the true one."""
+    t = np.arange(7500) / 125.0
+    shares = [np.clip(t - start, 0.0, 1.0) for start in np.linspace(1.0, 58.0, moves)]
+    ways = [0.3 * (-1) ** (k // 2) for k in range(moves)]
     q = sum(w * (3 * s**2 - 2 * s**3) for w, s in zip(ways, shares, strict=True))[:, None]
-    seen = STEP * np.round(q / STEP + 0.5 * np.random.default_rng(0).normal(size=q.shape))
-    samples = _run(ExperimentRecord(t=t, signals={"q": seen, "effort": 0.0 * q}))
+    seen = step * np.round(q / step + 0.5 * np.random.default_rng(0).normal(size=q.shape))
+    return ExperimentRecord(t=t, signals={"q": seen, "effort": np.cos(q)}), q
+
+
+@pytest.mark.parametrize(("step", "moves"), [(5e-6, 40), (1e-4, 3)])
+def test_friction_follows_where_a_joint_starts_and_rests_in_the_noise_of_its_encoder(
+    step: float, moves: int
+) -> None:
+    record, q = _moves_and_rests(step, moves)
+    samples = _run(record, cutoff_hz=5.0)
     true = friction_state(q.T, OVER)[:, np.round(samples.t * 125.0).astype(int)]
 
     def error(positions: np.ndarray) -> float:
@@ -350,5 +360,30 @@ def test_friction_follows_where_a_joint_starts_and_rests_in_the_noise_of_its_enc
 
     assert error(samples.friction_q) < STATE < error(samples.q) / 5
     # Neither late nor early: the mirror image of the motion reversed in time.
-    mirrored = _run(ExperimentRecord(t=t, signals={"q": seen[::-1], "effort": 0.0 * q}))
-    np.testing.assert_allclose(mirrored.friction_q[::-1], samples.friction_q, rtol=0, atol=STEP)
+    signals = {name: values[::-1] for name, values in record.signals.items()}
+    mirrored = _run(ExperimentRecord(t=record.t, signals=signals), cutoff_hz=5.0)
+    np.testing.assert_allclose(mirrored.friction_q[::-1], samples.friction_q, rtol=0, atol=step)
+
+
+def test_friction_follows_the_same_positions_at_the_stamps_and_in_parts() -> None:
+    record, _ = _moves_and_rests(5e-6, 40)
+    settings = ProcessingSettings(cutoff_hz=12.5)
+    whole = process(record, _robot(1), settings)
+    noise = whole.encoder_noise
+    assert noise is not None
+    at = samples_at_stamps(record, _robot(1), settings)
+    rows = np.searchsorted(at.t, whole.t - 1e-6)
+    np.testing.assert_allclose(at.friction_q[rows], whole.friction_q, rtol=0, atol=EXACT)
+    long = LongSignals(
+        recording=record,
+        robot=_robot(1),
+        settings=settings,
+        grid=survey(record, settings),
+        encoder_noise=noise,
+    )
+    parts = [long.samples(0, 3000), long.samples(3000, long.count)]
+    found = np.concatenate([part.friction_q for part in parts])
+    # Each part begins anew, within the noise.
+    np.testing.assert_allclose(found, whole.friction_q, rtol=0, atol=8 * float(noise[0]))
+    still = [(np.diff(positions, axis=0) == 0).mean() for positions in (found, whole.friction_q)]
+    assert min(still) > 0.2

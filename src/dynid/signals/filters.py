@@ -102,29 +102,26 @@ SURELY_MOVED = 4.0
 def encoder_noise(q: Array, smooth: Array) -> Array:
     """(n) standard deviation of the noise of positions (N, n), from what a low-pass takes away.
 
-    From the median: where a joint starts or stops, a low-pass takes away motion. Not less than a
-    quarter of the encoder's last digit, which changes seldom at rest.
+    From the median: where a joint starts or stops, a low-pass takes away motion. Not less than half
+    the last digit of the encoder: at rest it changes too seldom to be seen in a median.
     """
     noise = 1.4826 * np.median(np.abs(q - smooth), axis=0)
     steps = np.abs(np.diff(q, axis=0))
     digit = np.where(steps > 0, steps, np.inf).min(axis=0)
-    return np.maximum(noise, np.where(np.isfinite(digit), digit, 0.0) / SURELY_MOVED)
+    return np.maximum(noise, np.where(np.isfinite(digit), digit, 0.0) / 2)
 
 
-def without_noise(q: Array, noise: Array, *, periodic: bool = False) -> Array:
+def without_noise(q: Array, noise: Array) -> Array:
     """Positions (N, n) with a dead band of `SURELY_MOVED` deviations (n) of their noise.
 
     Noise does not move a joint at rest, and one that starts does not move before, as behind a
     low-pass. Each position follows the recorded one where that is farther away and stays where it
     is closer, forward and backward in time: the mean is neither late nor early.
-    Periodic where the samples span whole periods.
     """
-    turns = (q, q) if periodic else (q,)
-    forward = np.array(np.concatenate(turns), order="C")
-    backward = np.array(forward[::-1], order="C")
+    forward, backward = np.array(q, order="C"), np.array(q[::-1], order="C")
     for way in (forward, backward):
         _hold(way, SURELY_MOVED * noise)
-    return (forward[-len(q) :] + backward[-len(q) :][::-1]) / 2
+    return (forward + backward[::-1]) / 2
 
 
 @compiled()

@@ -297,7 +297,7 @@ def samples_from(
     else:
         q, dq, ddq = filtered_motion(signals, settings, cutoff)
     noise = filters.encoder_noise(signals.q, q)
-    unfiltered_q = filters.without_noise(signals.q, noise, periodic=folded)
+    unfiltered_q = filters.without_noise(signals.q, noise)
     torque = delayed(signals.torque, rate, settings.delays_s, circular=folded)
     keep = _kept(signals, settings, cutoff, circular=folded, trim=trim)
     return Samples(
