@@ -88,7 +88,7 @@ PLANTED = (
 )
 SLOW = (
     # The information is in few stretches: fits without one of them still agree on it.
-    ("ur10e", "teach", 250.0, 15.0, 954789563, "gain", "medium"),
+    ("ur10e", "teach", 250.0, 20.0, 954789563, "gain", "medium"),
     # A payload, of more sizes, leaves as little.
     ("ur5", "fourier", 250.0, 15.0, 314265696, "quarter_turn", "large"),
     # Friction that builds up over a tenth of the usual distance hides it.
