@@ -526,7 +526,8 @@ def test_what_each_repetition_shows_is_no_contact(
 def test_torques_are_as_unsure_as_parameters_leave_them(tmp_path: Path) -> None:
     robot = arm(tmp_path)
     samples = process(recording(Wrong()), robot)
-    parts = {name: np.array(getattr(samples, name)) for name in ("t", "q", "dq", "ddq", "tau")}
+    names = ("t", "q", "dq", "ddq", "friction_q", "tau")
+    parts = {name: np.array(getattr(samples, name)) for name in names}
     ref = explain(Recording(robot=robot, block=1, **parts)).reference
     generator, ratios = np.random.default_rng(0), []
     turned = ref.columns / NOISE[:, None]

@@ -365,6 +365,18 @@ def test_friction_follows_where_a_joint_starts_and_rests_in_the_noise_of_its_enc
     np.testing.assert_allclose(mirrored.friction_q[::-1], samples.friction_q, rtol=0, atol=step)
 
 
+def test_what_a_joint_does_in_motion_is_no_noise_of_its_encoder() -> None:
+    """A servo swings at 20 Hz, which a low-pass takes away as well."""
+    step = 5e-6
+    record, q = _moves_and_rests(step, 30)
+    swing = 1e-3 * np.gradient(q[:, 0], record.t) * np.sin(2 * np.pi * 20.0 * record.t)
+    signals = {**record.signals, "q": record.signals["q"] + swing[:, None]}
+    for one in (record, ExperimentRecord(t=record.t, signals=signals)):
+        noise = _run(one, cutoff_hz=5.0).encoder_noise
+        assert noise is not None
+        assert 0.4 * step < noise[0] < step
+
+
 def test_friction_follows_the_same_positions_at_the_stamps_and_in_parts() -> None:
     record, _ = _moves_and_rests(5e-6, 40)
     settings = ProcessingSettings(cutoff_hz=12.5)

@@ -287,6 +287,7 @@ def recording_of(robot: RobotModel, samples: Samples) -> Recording:
         q=np.array(samples.q),
         dq=np.array(samples.dq),
         ddq=np.array(samples.ddq),
+        friction_q=samples.friction_q,
         tau=np.array(samples.tau),
         block=max(1, -(-samples.count // ROWS)),
         apart=apart if (apart := at_limit(samples.tau, robot.limits.torque)).any() else None,

@@ -168,7 +168,9 @@ def contact_stretches(
     """
     # Where the joints started does not matter: positions only tell whether they moved since.
     q = np.cumsum(dq, axis=0) * (t[1] - t[0])
-    rec = Recording(robot=robot, t=t, q=q, dq=dq, ddq=np.zeros_like(dq), tau=error, block=1)
+    rec = Recording(
+        robot=robot, t=t, q=q, dq=dq, ddq=np.zeros_like(dq), friction_q=q, tau=error, block=1
+    )
     return tuple((one.start_s, one.stop_s) for one in contacts(rec, error, held))
 
 

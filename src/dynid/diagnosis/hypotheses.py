@@ -345,7 +345,7 @@ def _coupled(rec: Recording, kind: str, j: int, m: int, by: float) -> Recording:
         rec = replace(rec, tau=np.linalg.solve(before.T, rec.tau.T).T @ after)
     if kind == "coupled_motors":
         back = np.linalg.solve(after, before).T
-        rec = replace(rec, q=rec.q @ back, dq=rec.dq @ back, ddq=rec.ddq @ back)
+        rec = rec.with_motion(lambda values: values @ back)
     return rec
 
 

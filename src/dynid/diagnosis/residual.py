@@ -5,7 +5,7 @@ motor inertia, and friction that builds up, falls with speed and grows with load
 not friction that was described too plainly, so an explanation has to bring more than that.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -66,6 +66,8 @@ class Recording:
     """(N, n) measured torques [N.m or N]."""
     block: int
     """Rows are averages over so many samples."""
+    friction_q: Array
+    """(N, n) positions that the state of friction follows, see `Samples` [rad or m]."""
     apart: Mask | None = None
     """(N, n) torques that do not belong to the motion: at a limit, in a contact. None for none."""
     presliding: Array | None = None
@@ -101,6 +103,11 @@ class Recording:
         """The recording with the torques of rows (N), or of joints in rows (N, n), apart too."""
         more = rows if rows.ndim > 1 else np.broadcast_to(rows[:, None], self.tau.shape)
         return replace(self, apart=more if self.apart is None else self.apart | more)
+
+    def with_motion(self, change: Callable[[Array], Array]) -> "Recording":
+        """The recording with positions, velocities and accelerations (N, n) changed alike."""
+        names = ("q", "dq", "ddq", "friction_q")
+        return replace(self, **{name: change(getattr(self, name)) for name in names})
 
     def fast(self) -> "Recording":
         """The recording without rows in which a joint is slow: no column has all friction there."""
@@ -161,7 +168,7 @@ def _parts(rec: Recording, inertial: Array) -> Iterator[tuple[slice, Array]]:
     # Friction is that of each joint, and of each motor that several joints turn.
     turns = np.concatenate([np.eye(n), motor_turns(rec.robot)])
     joints, count = [*range(n), *coupled_motors(rec.robot)], len(turns)
-    turned = turns @ rec.q.T
+    turned = turns @ rec.friction_q.T
     fast = np.maximum(np.percentile(np.abs(turns @ rec.dq.T), 98, axis=1), 1e-6)[:, None]
     travel = np.maximum(np.ptp(turned, axis=1), 1e-6)
     quick = np.full(n, QUICK[0]) if rec.presliding is None else rec.presliding
@@ -256,7 +263,7 @@ def presliding_of(ref: Reference, values: Array, counts: Array) -> Array:
     slow = rec.average(_falling(speed))
     load = np.abs(np.tensordot(ref.load, ref.columns[: 10 * n], axes=1))
     travel = np.maximum(np.ptp(rec.q, axis=0), 1e-6)
-    states = [rec.average(friction_state(rec.q.T, d * travel)) for d in QUICK]
+    states = [rec.average(friction_state(rec.friction_q.T, d * travel)) for d in QUICK]
     error = ref.left(values)
     kept = rec.measured(np.ones_like(error))
     cuts = np.arange(1, BLOCKS) * error.shape[1] // BLOCKS

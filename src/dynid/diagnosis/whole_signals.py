@@ -172,8 +172,7 @@ def _rivals(rec: Recording, paired: list[int]) -> Iterator[WholeSignal]:
         yield WholeSignal(
             recording=changed, kind="exchanged_torques", joints=(i, j), value=1.0, unit=""
         )
-        motion = {name: getattr(rec, name)[:, order] for name in ("q", "dq", "ddq")}
-        changed = replace(changed, **motion)
+        changed = changed.with_motion(lambda values, order=order: values[:, order])
         yield WholeSignal(recording=changed, kind="exchanged", joints=(i, j), value=1.0, unit="")
     for j in turning:
         for by in (np.pi / 2, -np.pi / 2, np.pi):

@@ -95,6 +95,8 @@ def _continued(sections: Array, values: Array, beyond: int, share: float) -> Arr
     return last[-1] + powers[len(last) :] @ cubics
 
 
+SLOWEST = 0.1
+"""Share of the rows of a joint that shows the noise of its positions."""
 SURELY_MOVED = 4.0
 """Deviations of an encoder's noise from which a joint has moved."""
 
@@ -102,10 +104,13 @@ SURELY_MOVED = 4.0
 def encoder_noise(q: Array, smooth: Array) -> Array:
     """(n) standard deviation of the noise of positions (N, n), from what a low-pass takes away.
 
-    From the median: where a joint starts or stops, a low-pass takes away motion. Not less than half
-    the last digit of the encoder: at rest it changes too seldom to be seen in a median.
+    From the median of the slowest rows: elsewhere, and where a joint starts or stops, a low-pass
+    takes away motion. Not less than half the last digit of the encoder: at rest it changes too
+    seldom to be seen in a median.
     """
-    noise = 1.4826 * np.median(np.abs(q - smooth), axis=0)
+    speed = np.abs(np.gradient(smooth, axis=0))
+    slow = speed <= np.quantile(speed, SLOWEST, axis=0)
+    noise = 1.4826 * np.nanmedian(np.where(slow, np.abs(q - smooth), np.nan), axis=0)
     steps = np.abs(np.diff(q, axis=0))
     digit = np.where(steps > 0, steps, np.inf).min(axis=0)
     return np.maximum(noise, np.where(np.isfinite(digit), digit, 0.0) / 2)
