@@ -398,9 +398,9 @@ def _admitted(scored: Scored, found: list[Explanation]) -> bool:
         return False
     # A size that was found before may be corrected downwards.
     physical = scored.value > known.lowest or any(_same(item, known) for item in found)
-    # Of several sizes one is large by chance more often, and the one that is told may be none.
-    # Friction of all joints falls as they warm up: the mean is one number.
+    # Friction of all joints falls as they warm up: their mean is one number.
     mean = known.kind == "friction_drift" and size > _by_chance(1) * scored.std
+    # Of several sizes one is large by chance more often, and the one that is told may be none.
     sure = mean or scored.certainty > _by_chance(known.free)
     large = size > max(known.least, scored.std)
     return physical and sure and large and scored.evidence > EVIDENT
