@@ -100,7 +100,7 @@ def spoil(path: Path, change: Callable[[dict[str, Any]], object]) -> Path:
         (lambda d: d.pop("kind"), "no other trajectory; got a JSON object of another kind"),
         (lambda d: d.update(version=3), "unknown file version"),
         (lambda d: d.update(robot=3), "robot must be a text"),
-        (lambda d: d["trajectory"].pop("period"), "period must be a number"),
+        (lambda d: d["trajectory"].pop("period"), "period is missing"),
         (lambda d: d["trajectory"].update(period=True), "period must be a number"),
         (lambda d: d["trajectory"].update(period=-1), "period must be positive"),
         (lambda d: d["trajectory"].update(offset=[1e9, 0.0]), "position; .* below 1e"),
@@ -111,14 +111,14 @@ def spoil(path: Path, change: Callable[[dict[str, Any]], object]) -> Path:
         (lambda d: d["trajectory"].update(period=10**400), "period is too large"),
         (lambda d: d["trajectory"].update(offset=[0.1]), "wrong shape"),
         (lambda d: d["trajectory"].update(a=[[1, 2], [1]]), "rows of one length"),
-        (lambda d: d["trajectory"].update(a=[]), "rows of one length"),
+        (lambda d: d["trajectory"].update(a=[]), "wrong shape"),
         (lambda d: d["trajectory"].update(a=[["1", 2, 3], [1, 2, 3]]), "a must be a number"),
         (lambda d: d["trajectory"].update(a=[[float("nan")] * 3] * 2), "NaN is not a JSON number"),
         (lambda d: d["trajectory"].update({k: [[0.0] * 3000] * 2 for k in "ab"}), "3000.* 200"),
         (lambda d: d["trajectory"].update(b=5), "b must be a list"),
         (lambda d: d.pop("limits"), "limits must be a JSON object"),
         (lambda d: d["limits"].update(lower=[5, None]), "above the upper"),
-        (lambda d: d["limits"].pop("velocity"), "limits.velocity must be a list"),
+        (lambda d: d["limits"].pop("velocity"), "limits.velocity is missing"),
         (
             lambda d: d.update(
                 limits={k: [None] for k in ("lower", "upper", "velocity", "acceleration")}

@@ -280,7 +280,7 @@ def test_hostile_numbers_are_one_line(
         (put(D, "repetitions", value="three"), "design.repetitions must be a whole number"),
         (put(D, "repetitions", value=-2), "must be positive"),
         (put(D, "predicted_torque_error_percent", value=0.0), "must be positive"),
-        (put(*L, "mesh_dirs", value=5), "mesh_dirs must be a list of folders"),
+        (put(*L, "mesh_dirs", value=5), "mesh_dirs must be a list"),
         (put(*L, "margin_percent", value="five"), "design.limits.margin_percent must be a number"),
         (put(*L, "tool", value=[0, 0]), "needs 3 numbers"),
         (put(*L, "payload", 0, value=1e9), "the payload's mass"),

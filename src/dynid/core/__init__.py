@@ -63,7 +63,6 @@ if TYPE_CHECKING:
     from dynid.core.json_fields import load_object as load_object
     from dynid.core.json_fields import parse_json as parse_json
     from dynid.core.json_fields import plain as plain
-    from dynid.core.json_fields import provenance_from_json as provenance_from_json
     from dynid.core.json_fields import table as table
     from dynid.core.kernels import compiled as compiled
     from dynid.core.kernels import place_compiled as place_compiled
@@ -79,7 +78,7 @@ _LATER = {
         "Array Indices Mask MotionBounds SMALLEST Value freeze frozen inverse_upper one_thread "
         "read_arrays read_only scipy_part solve_upper upper_triangle write_arrays"
     ),
-    "json_fields": "JsonFields load_object parse_json plain provenance_from_json table",
+    "json_fields": "JsonFields load_object parse_json plain table",
     "kernels": "compiled place_compiled",
     "parallel": "WorkerLost Workers each result_of told_to_stop workers",
 }

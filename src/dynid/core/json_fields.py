@@ -6,16 +6,21 @@ to be refused, and leaves the shapes of arrays to be checked by hand.
 
 import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import cache
 from pathlib import Path
-from typing import Any, cast
+from types import NoneType, UnionType
+from typing import Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError, like_named
-from dynid.core.files import Provenance
+
+Made = TypeVar("Made")
+_hints = cache(get_type_hints)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,10 +41,7 @@ class JsonFields:
 
     def text(self, name: str) -> str:
         """A string."""
-        value = self.get(name)
-        if not isinstance(value, str):
-            raise InputError(f"{self.prefix}{name} must be a text", value=value)
-        return value
+        return _text(self.get(name), self.prefix + name)
 
     def number(self, name: str) -> float:
         """A finite number; true and false are not numbers."""
@@ -47,22 +49,18 @@ class JsonFields:
 
     def whole(self, name: str) -> int:
         """A whole number."""
-        value = self.get(name)
-        if isinstance(value, bool) or not isinstance(value, int):
-            raise InputError(f"{self.prefix}{name} must be a whole number", value=value)
-        return value
+        return _whole(self.get(name), self.prefix + name)
 
-    def vector(self, name: str, *, null: bool = False) -> Array:
-        """(N) finite numbers; with `null`, null stands for NaN."""
-        return _row(self.get(name), self.prefix + name, null=null)
+    def vector(self, name: str) -> Array:
+        """(N) finite numbers."""
+        label = self.prefix + name
+        return np.array([_number(one, label) for one in _list(self.get(name), label)])
 
     def matrix(self, name: str) -> Array:
         """(N, M) finite numbers, given as rows."""
         label = self.prefix + name
-        rows = [_row(row, label, null=False) for row in _list(self.get(name), label)]
-        if len({len(row) for row in rows}) != 1:
-            raise InputError(f"{label} must have rows of one length")
-        return np.array(rows)
+        rows = _list(self.get(name), label)
+        return _array([[_number(one, label) for one in _list(row, label)] for row in rows], label)
 
     def object(self, name: str) -> "JsonFields":
         """A JSON object."""
@@ -76,6 +74,49 @@ class JsonFields:
             JsonFields(_mapping(one, f"{label}[{k}]"), prefix=f"{label}[{k}].")
             for k, one in enumerate(_list(self.get(name), label, of="objects"))
         ]
+
+    def made(self, kind: type[Made], **known: Any) -> Made:
+        """A dataclass whose fields are as `plain` wrote them, each read by its annotation.
+
+        Fields that are absent have their defaults; others may be `known`.
+        """
+        for item in fields(cast("Any", kind)):
+            if item.name in known or not item.init:
+                continue
+            label = self.prefix + item.name
+            if item.name in self.values:
+                known[item.name] = _typed(_hints(kind)[item.name], self.get(item.name), label)
+            elif item.default is MISSING and item.default_factory is MISSING:
+                raise InputError(f"{label} is missing")
+        return kind(**known)
+
+
+def _typed(kind: Any, value: object, label: str) -> Any:
+    """A value of an annotation; what is of none that is known stays as it is."""
+    origin, parts = get_origin(kind), get_args(kind)
+    if origin in (Union, UnionType):
+        if value is None and NoneType in parts:
+            return None
+        *others, last = (part for part in parts if part is not NoneType)
+        for part in others:
+            with suppress(InputError):
+                return _typed(part, value, label)
+        return _typed(last, value, label)
+    if origin is np.ndarray:
+        return _array([_nested(one, label) for one in _list(value, label)], label)
+    if origin in (tuple, list, frozenset):
+        items = _list(value, label, of="values")
+        kinds = parts if origin is tuple and parts[-1] is not ... else parts[:1] * len(items)
+        if len(kinds) != len(items):
+            raise InputError(f"{label}: another number of values", value=items, limit=len(kinds))
+        made = cast("Any", origin)
+        return made(_typed(own, one, label) for own, one in zip(kinds, items, strict=True))
+    if origin in (Mapping, dict):
+        items = _mapping(value, label).items()
+        return {name: _typed(parts[1], one, f"{label}.{name}") for name, one in items}
+    if is_dataclass(kind):
+        return JsonFields(_mapping(value, label), f"{label}.").made(cast("type[Any]", kind))
+    return _SCALARS[kind](value, label) if kind in _SCALARS else value
 
 
 def plain(value: Any) -> Any:
@@ -151,22 +192,6 @@ def load_object(path: str | Path) -> JsonFields:
         raise error.changed(where=where) from error
 
 
-def provenance_from_json(fields: JsonFields) -> Provenance:
-    """The inverse of `Provenance.to_json`.
-
-    Raises:
-        InputError: A key is missing, or its value of another type.
-    """
-    seed = None if fields.get("seed") is None else fields.whole("seed")
-    return Provenance(
-        created=fields.text("created"),
-        versions=fields.object("versions").values,
-        inputs=fields.object("inputs").values,
-        settings=fields.object("settings").values,
-        seed=seed,
-    )
-
-
 def _fault(error: ValueError, content: bytes) -> str:
     if not content.strip():
         return "the file is empty"
@@ -203,9 +228,41 @@ def _list(value: object, label: str, of: str = "numbers") -> list[object]:
     return cast("list[object]", value)
 
 
-def _row(value: object, label: str, *, null: bool) -> Array:
-    items = _list(value, label)
-    return np.array([np.nan if null and one is None else _number(one, label) for one in items])
+def _nested(value: object, label: str) -> Any:
+    """A number, or lists of them; null is NaN."""
+    if isinstance(value, list):
+        return [_nested(one, label) for one in cast("list[object]", value)]
+    return _unknown(value, label)
+
+
+def _array(values: list[Any], label: str) -> Array:
+    try:
+        return np.array(values, dtype=np.float64)
+    except ValueError as error:
+        raise InputError(f"{label} must have rows of one length") from error
+
+
+def _text(value: object, label: str) -> str:
+    if not isinstance(value, str):
+        raise InputError(f"{label} must be a text", value=value)
+    return value
+
+
+def _whole(value: object, label: str) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise InputError(f"{label} must be a whole number", value=value)
+    return value
+
+
+def _truth(value: object, label: str) -> bool:
+    if not isinstance(value, bool):
+        raise InputError(f"{label} must be true or false", value=value)
+    return value
+
+
+def _unknown(value: object, label: str) -> float:
+    """A number, NaN for null."""
+    return math.nan if value is None or value != value else _number(value, label)
 
 
 def _number(value: object, label: str) -> float:
@@ -219,3 +276,11 @@ def _number(value: object, label: str) -> float:
     if not math.isfinite(number):
         raise InputError(f"{label} must be a finite number", value=number)
     return number
+
+
+_SCALARS: Mapping[Any, Callable[[object, str], Any]] = {
+    float: _unknown,
+    int: _whole,
+    str: _text,
+    bool: _truth,
+}

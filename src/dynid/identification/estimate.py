@@ -1,6 +1,5 @@
 """The result of an identification, and its JSON file."""
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, overload
@@ -20,7 +19,6 @@ from dynid.core import (
     frozen,
     load_object,
     plain,
-    provenance_from_json,
     read_only,
     table,
     write_json,
@@ -30,7 +28,7 @@ from dynid.identification.selection.unseen import MotionRange, unseen
 from dynid.identification.statistics import relative_std_percent
 from dynid.regressor import CHUNK, InverseDynamicModel, coupled_motors, terms_from_json
 from dynid.robot import robot_from_json, robot_to_json
-from dynid.signals import ProcessingSettings, TorqueFilter
+from dynid.signals import ProcessingSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -314,20 +312,17 @@ FORMAT = "dynid-estimate"
 VERSION = 1
 
 
-def _array(values: Iterable[Any]) -> Array:
-    """Numbers, or rows of them; NaN for null."""
-    return np.array(list(values), dtype=np.float64)
+def _column(rows: list[dict[str, Any]], key: str) -> Array:
+    """(r) numbers, NaN for null."""
+    return np.array([row[key] for row in rows], dtype=np.float64)
 
 
 _ARRAYS = ("covariance", "noise", "residual_autocorrelation")
-_STATED: dict[str, Callable[[Any], Any]] = {
-    **dict.fromkeys(("estimator", "preset"), str),
-    **dict.fromkeys(
-        ("condition_number", "scaled_condition_number", "motion_condition_number"), float
-    ),
-    "samples": int,
-}
-"""Fields that keep their own names, and how they are read."""
+_STATED = (
+    "estimator", "preset", "condition_number", "scaled_condition_number",
+    "motion_condition_number", "samples",
+)  # fmt: skip
+"""Fields that keep their own names."""
 _MAKE = "Make one with: dynid identify RECORD -o ESTIMATE.json"
 
 
@@ -384,32 +379,21 @@ def read_estimate(path: Path | str) -> Estimate:
 def _estimate(data: dict[str, Any]) -> Estimate:
     if data["version"] != VERSION:
         raise InputError("unknown version of the file", value=data["version"], limit=VERSION)
-    settings = dict(data["settings"])
-    if settings["delays_s"] is not None:
-        settings["delays_s"] = tuple(float(d) for d in settings["delays_s"])
-    if settings.get("torque_filter") is not None:
-        settings["torque_filter"] = TorqueFilter(**settings["torque_filter"])
     table: list[dict[str, Any]] = data["parameters"]
-    kept: dict[str, Callable[[Any], Any]] = {**_STATED, **dict.fromkeys(_ARRAYS, _array)}
-    return Estimate(
+    return JsonFields(data).made(
+        Estimate,
         model=InverseDynamicModel(
             robot=robot_from_json(data["robot"]),
             frames=str(data["frames"]),
             friction=terms_from_json(data["friction"]),
         ),
-        independent=tuple(int(i) for i in data["independent"]),
         expressions=tuple(str(row["expression"]) for row in table),
-        values=_array(row["value"] for row in table),
-        naive_std=_array(row["std_naive"] for row in table),
-        settings=ProcessingSettings(**settings),
+        values=_column(table, "value"),
+        naive_std=_column(table, "std_naive"),
         essential=tuple(k for k, row in enumerate(table) if row["essential"]),
-        motion=MotionRange(**{key: _array(row) for key, row in data["motion"].items()}),
-        choices=tuple(str(text) for text in data["choices"]),
         warnings=tuple(finding_from_json(w) for w in data["warnings"]),
-        provenance=provenance_from_json(JsonFields(data).object("provenance")),
         standard=_standard(data.get("standard")),
         assessment=assessment_from_json(data["assessment"]) if "assessment" in data else None,
-        **{name: read(data[name]) for name, read in kept.items()},
     )
 
 
@@ -418,9 +402,9 @@ def _standard(rows: list[dict[str, Any]] | None) -> StandardParameters | None:
     if rows is None:
         return None
     return StandardParameters(
-        values=_array(row["value"] for row in rows),
-        std=_array(row["std"] for row in rows),
-        prior_share=_array(row["prior_share"] for row in rows),
-        prior=_array(row["prior"] for row in rows),
+        values=_column(rows, "value"),
+        std=_column(rows, "std"),
+        prior_share=_column(rows, "prior_share"),
+        prior=_column(rows, "prior"),
         origins=tuple(str(row["from"]) for row in rows),
     )

@@ -12,7 +12,7 @@ estimates reads it, as the estimate in the middle of the records' temperatures.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -360,29 +360,15 @@ def _to_json(model: TemperatureModel) -> dict[str, Any]:
 
 
 def _model(estimate: Estimate, fields: JsonFields) -> TemperatureModel:
-    return TemperatureModel(
+    return fields.made(
+        TemperatureModel,
         estimate=estimate,
         laws=tuple(map(_law, fields.objects("laws"))),
-        temperature_degC=fields.matrix("temperature_degC"),
-        covariance=fields.matrix("covariance"),
-        naive=fields.matrix("naive"),
         warnings=tuple(finding_from_json(one.values) for one in fields.objects("warnings")),
     )
 
 
 def _law(fields: JsonFields) -> JointTemperatureLaw:
-    lowest, highest = frozen(fields.vector("range_degC"), shape=(2,), name="laws: range_degC")
-    found = fields.get("symbols")
-    symbols = tuple(map(str, cast("list[object]", found))) if isinstance(found, list) else ()
-    return JointTemperatureLaw(
-        symbols=symbols,
-        law=fields.text("law"),
-        reference=fields.vector("reference"),
-        slope=fields.vector("slope"),
-        # A joint without friction has empty matrices.
-        covariance=fields.matrix("covariance") if symbols else np.zeros((0, 0)),
-        gain=fields.matrix("gain") if symbols else np.zeros((0, 0)),
-        reference_degC=fields.number("reference_degC"),
-        range_degC=(float(lowest), float(highest)),
-        chi_squared=fields.number("chi_squared"),
-    )
+    # A joint without friction has empty matrices.
+    names = () if fields.get("symbols") else ("covariance", "gain")
+    return fields.made(JointTemperatureLaw, **dict.fromkeys(names, np.zeros((0, 0))))

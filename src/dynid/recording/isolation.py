@@ -29,6 +29,7 @@ from dynid.core import (
     DynidError,
     InputError,
     JobError,
+    JsonFields,
     MissingExtraError,
     RecordError,
     UnclearRecordError,
@@ -36,7 +37,7 @@ from dynid.core import (
     in_words,
 )
 from dynid.recording.content import Budget
-from dynid.recording.record import ExperimentRecord, metadata_from_json, metadata_to_json
+from dynid.recording.record import ExperimentRecord, metadata_to_json
 from dynid.recording.table import RawTable, ReadOptions
 
 Read = RawTable | ExperimentRecord
@@ -170,10 +171,8 @@ def serve(read: Reader) -> None:
         files = [Path(file) for file in request["files"]]
         clock.until_s = time.process_time() + budget.cpu_s
         try:
-            given: dict[str, Any] = request["options"]
-            for name in ("joints", "joint_order"):
-                given[name] = given[name] and tuple(given[name])
-            _send(read(files, ReadOptions(**given), budget), answers)
+            options = JsonFields(request["options"]).made(ReadOptions)
+            _send(read(files, options, budget), answers)
         except DynidError as error:
             _refuse(error, answers)
         except MemoryError:
@@ -258,9 +257,7 @@ def _send(found: Read, answers: IO[bytes]) -> None:
 
 
 def _unpack(answer: dict[str, Any], stream: IO[bytes]) -> Read | None:
-    facts: dict[str, Any] = {**answer["facts"], "signals": {}, "channels": {}}
-    if not answer["own"]:
-        facts["t"] = None
+    known: dict[str, Any] = {"signals": {}, "channels": {}}
     for name, kind, shape in answer["arrays"]:
         dtype: np.dtype[Any] = np.dtype(kind)
         size = math.prod(shape) * dtype.itemsize
@@ -271,19 +268,12 @@ def _unpack(answer: dict[str, Any], stream: IO[bytes]) -> Read | None:
         value = value.reshape(tuple[int, ...](shape))
         group, slash, key = name.partition("/")
         if slash:
-            facts[group][key] = value
+            known[group][key] = value
         else:
-            facts[name] = value
-    if answer["own"]:
-        facts["metadata"] = metadata_from_json(facts["metadata"])
-        facts["problems"] = tuple(map(finding_from_json, facts["problems"]))
-        return ExperimentRecord(**facts)
-    facts["said"] = frozenset(facts["said"])
-    facts["notices"] = tuple(map(finding_from_json, facts["notices"]))
-    facts["labels"] = {name: tuple(names) for name, names in facts["labels"].items()}
-    for name in ("joint_names", "notes"):
-        facts[name] = tuple(facts[name])
-    return RawTable(**facts)
+            known[name] = value
+    facts, told = answer["facts"], "problems" if answer["own"] else "notices"
+    known[told] = tuple(map(finding_from_json, facts[told]))
+    return JsonFields(facts).made(ExperimentRecord if answer["own"] else RawTable, **known)
 
 
 def _current() -> _Worker:

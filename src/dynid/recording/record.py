@@ -10,7 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Finding, RecordError, Value, finding_from_json, frozen
+from dynid.core import (
+    Array,
+    Finding,
+    InputError,
+    JsonFields,
+    RecordError,
+    Value,
+    finding_from_json,
+    frozen,
+)
 from dynid.recording.names import places_of, said_of_others
 from dynid.robot import RobotModel
 
@@ -148,26 +157,6 @@ def metadata_to_json(metadata: RecordMetadata) -> dict[str, Any]:
     }
 
 
-def metadata_from_json(data: Mapping[str, Any]) -> RecordMetadata:
-    """Metadata from a JSON object.
-
-    Raises:
-        KeyError: A field is missing.
-        TypeError: A field is of the wrong type.
-        ValueError: A number is none.
-    """
-    gains = data["drive_gains"]
-    texts = {name: str(data[name]) for name in ("origin", "format", "clock", "input_hash")}
-    return RecordMetadata(
-        **texts,
-        robot=None if data["robot"] is None else str(data["robot"]),
-        joint_names=tuple(map(str, data["joint_names"])),
-        drive_gains=None if gains is None else tuple(map(float, gains)),
-        dropped_rows=int(data["dropped_rows"]),
-        extra={str(name): str(value) for name, value in dict(data["extra"]).items()},
-    )
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Description:
     """What a file says of the recording in it."""
@@ -186,15 +175,12 @@ class Description:
             RecordError: A field that is missing or of the wrong type.
         """
         try:
-            return cls(
-                quantities=check_quantities(data["quantities"]),
-                joints=int(data["joints"]),
-                channels=tuple(map(str, data["channels"])),
-                metadata=metadata_from_json(data["metadata"]),
-                problems=tuple(map(finding_from_json, problems)),
-            )
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            found = tuple(map(finding_from_json, problems))
+            made = JsonFields(data).made(cls, problems=found)
+        except (InputError, AttributeError, KeyError, TypeError, ValueError) as error:
             raise RecordError("the recording's description is damaged", value=str(error)) from error
+        check_quantities(made.quantities)
+        return made
 
     @property
     def names(self) -> list[str]:

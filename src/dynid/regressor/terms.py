@@ -4,13 +4,13 @@ Friction: smoothed Coulomb, load-dependent, presliding (Dahl) and gear ripple.
 """
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, InputError, compiled
+from dynid.core import Array, InputError, JsonFields, compiled
 
 Width = float | tuple[float, ...]
 """One speed for all joints, or one a joint [rad/s or m/s]; as a width, 0 gives the sign."""
@@ -89,16 +89,6 @@ class LoadFriction:
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
         return {"joints": [j + 1 for j in self.joints], "parameters": list(self.parameters)}
-
-
-def load_from_json(data: Mapping[str, Any] | None) -> LoadFriction | None:
-    """The inverse of `LoadFriction.to_json`."""
-    if data is None:
-        return None
-    return LoadFriction(
-        joints=tuple(int(j) - 1 for j in data["joints"]),
-        parameters=tuple(float(value) for value in data["parameters"]),
-    )
 
 
 def friction_state(q: Array, displacement: Array, *, periodic: bool = False) -> Array:
@@ -248,23 +238,17 @@ class TorqueRipple:
         return {"joint": self.joint + 1, "gears": gears, "coefficients": list(self.coefficients)}
 
 
-def ripples_from_json(data: Sequence[Mapping[str, Any]] | None) -> tuple[TorqueRipple, ...]:
-    """The inverse of `TorqueRipple.to_json` for each of several."""
+def ripples_from_json(fields: JsonFields) -> tuple[TorqueRipple, ...]:
+    """The inverse of `TorqueRipple.to_json` for each of the list `ripples`, if there is one."""
     return tuple(
-        TorqueRipple(
-            joint=int(one["joint"]) - 1,
+        one.made(
+            TorqueRipple,
+            joint=one.whole("joint") - 1,
             gears=tuple(
-                Gear(
-                    joint=int(gear["joint"]) - 1,
-                    waves=tuple(float(x) for x in gear["waves"]),
-                    speed=float(gear["speed"]),
-                    powers=int(gear["powers"]),
-                )
-                for gear in one["gears"]
+                gear.made(Gear, joint=gear.whole("joint") - 1) for gear in one.objects("gears")
             ),
-            coefficients=tuple(float(x) for x in one["coefficients"]),
         )
-        for one in data or ()
+        for one in (fields.objects("ripples") if "ripples" in fields.values else ())
     )
 
 
@@ -423,25 +407,15 @@ def terms_from_json(data: Mapping[str, Any]) -> FrictionTerms:
     Raises:
         InputError: Missing keys or values of the wrong type.
     """
-    try:
-        friction = parse_terms(
-            str(data["terms"]),
-            width=_speeds(data["width"]),
-            stribeck_velocity=_speeds(data["stribeck_velocity"]),
-        )
-        return replace(
-            friction,
-            presliding=tuple(float(d) for d in data.get("presliding", ())),
-            load=load_from_json(data.get("load")),
-            ripples=ripples_from_json(data.get("ripples")),
-        )
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError("friction terms cannot be read", value=str(data)) from error
-
-
-def _speeds(data: Any) -> Width:
-    """For all joints, or one a joint."""
-    return float(data) if isinstance(data, float | int) else tuple(float(x) for x in data)
+    fields = JsonFields({"width": None, "stribeck_velocity": None, **data}, "friction.")
+    load = fields.object("load") if "load" in data else None
+    return fields.made(
+        FrictionTerms,
+        terms=parse_terms(fields.text("terms")).terms,
+        load=load
+        and load.made(LoadFriction, joints=tuple(int(j) - 1 for j in load.vector("joints"))),
+        ripples=ripples_from_json(fields),
+    )
 
 
 def _is_count(text: str) -> bool:

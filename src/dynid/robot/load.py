@@ -1,6 +1,5 @@
 """Robots by built-in name, URDF file or robot file, and as JSON objects."""
 
-import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -10,10 +9,10 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from dynid.core import Array, InputError, RobotError, like_named, plain, printable
+from dynid.core import JsonFields, RobotError, like_named, plain, printable
 from dynid.robot.body import Body
 from dynid.robot.kinematics import with_mount
-from dynid.robot.model import Counterbalance, Drives, JointLimits, RobotModel, SafetyLimits
+from dynid.robot.model import RobotModel
 from dynid.robot.robotfile import MAX_BYTES as MAX_TOML
 from dynid.robot.robotfile import builtin_file, builtin_names, robot_from_toml
 from dynid.robot.tables import is_there, read_limited, shown_path
@@ -126,39 +125,17 @@ def robot_to_json(robot: RobotModel) -> dict[str, Any]:
     return {key: value for key, value in values.items() if key not in _PLACES or value}
 
 
-_WORDS = ("name", "default_frames", "mount", "source")
 _PLACES = ("urdf", "file")
-_ARRAYS = ("placements", "axes", "gravity", "inertias", "flange")
-_TEXTS = ("joint_names", "joint_types", "body_notes", "notes")
 
 
 def robot_from_json(data: Mapping[str, Any]) -> RobotModel:
-    """The inverse of `robot_to_json`.
+    """The inverse of `robot_to_json`; files of the first versions know neither notes nor safety.
 
     Raises:
-        RobotError: Missing keys or values that make no robot.
+        InputError: Missing keys or values that make no robot.
     """
     try:
-        known: dict[str, Any] = {key: str(data[key]) for key in _WORDS}
-        known |= {key: _array(data[key]) for key in _ARRAYS}
-        # Files of the first versions know neither notes on bodies nor safety.
-        known |= {key: str(data.get(key, "")) for key in _PLACES}
-        known |= {key: tuple(str(text) for text in data.get(key, [])) for key in _TEXTS}
-        drives: dict[str, Any] = {**data["drives"]}
-        for key in ("gain", "gear_ratio", "coupling", "offset"):
-            drives[key] = None if drives[key] is None else _array(drives[key])
-        return RobotModel(
-            **known,
-            parameter_frames={key: _array(rows) for key, rows in data["parameter_frames"].items()},
-            limits=JointLimits(**{key: _array(row) for key, row in data["limits"].items()}),
-            drives=Drives(**drives),
-            counterbalances=tuple(Counterbalance(**spring) for spring in data["counterbalances"]),
-            bodies=_bodies(data),
-            safety=_safety(data.get("safety", {})),
-            locked={str(key): float(value) for key, value in data["locked"].items()},
-        )
-    except InputError:
-        raise
+        return JsonFields(data, "robot.").made(RobotModel, bodies=_bodies(data))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise RobotError(
             "the robot stored in this file cannot be read", value=f"{type(error).__name__}: {error}"
@@ -171,36 +148,17 @@ def _bodies(data: Mapping[str, Any]) -> tuple[Body, ...]:
     Those of a built-in arm that release 0.1 stored were capsules that nothing had checked:
     today's take their place.
     """
+    stored = JsonFields(data, "robot.")
     if "bodies" in data:
-        return tuple(Body(**item) for item in data["bodies"])
+        return tuple(item.made(Body) for item in stored.objects("bodies"))
     if data["name"] in builtin_names():
         today = _load(str(data["name"]), collision=False)
-        there = _array(data["placements"])
+        there = np.array(data["placements"])
         if there.shape == today.placements.shape and np.allclose(
             there, today.placements, atol=_CALIBRATED
         ):
             return today.bodies
     return tuple(
-        Body(
-            name=str(item["name"]),
-            link=int(item["link"]),
-            points=_array([item["start"], item["end"]]),
-            radius=float(item["radius"]),
-        )
-        for item in data["capsules"]
+        item.made(Body, points=np.array([item.vector("start"), item.vector("end")]))
+        for item in stored.objects("capsules")
     )
-
-
-def _safety(data: Mapping[str, Any]) -> SafetyLimits:
-    numbers = {key: _number(value) for key, value in data.items() if key != "elbow"}
-    return SafetyLimits(elbow=int(data.get("elbow", 0)), **numbers)
-
-
-def _array(value: Sequence[Any]) -> Array:
-    return np.array(_number(value), dtype=np.float64)
-
-
-def _number(value: Any) -> Any:
-    if isinstance(value, list):
-        return [_number(item) for item in cast("list[Any]", value)]
-    return math.nan if value is None else float(value)

@@ -18,7 +18,6 @@ from dynid.core import (
     Value,
     load_object,
     plain,
-    provenance_from_json,
     write_json,
 )
 from dynid.core import provenance as made_now
@@ -54,9 +53,6 @@ KINDS: dict[str, type[Trajectory]] = {
     "repetition": Repetition,
 }
 """What a file calls each kind; a field of the trajectory has the same name in the file."""
-_NUMBERS = frozenset({"period", "travel_time"})
-_VECTORS = frozenset({"offset", "start", "goal"})
-_MATRICES = frozenset({"a", "b", "control"})
 
 
 def trajectory_to_json(trajectory: Trajectory) -> dict[str, Any]:
@@ -97,23 +93,13 @@ def trajectory_from_json(stored: JsonFields, *, depth: int = 0) -> Trajectory:
     kind = stored.text("type")
     if kind not in KINDS:
         raise InputError(f"{stored.prefix}type is no kind of trajectory", value=kind)
-    made: Any = KINDS[kind]
-    return made(**{item.name: _read(stored, item.name, depth) for item in fields(made)})
-
-
-def _read(stored: JsonFields, name: str, depth: int) -> object:
-    if name in _NUMBERS:
-        return stored.number(name)
-    if name in _VECTORS:
-        return stored.vector(name)
-    if name in _MATRICES:
-        return stored.matrix(name)
-    if name == "part":
-        return trajectory_from_json(stored.object(name), depth=depth + 1)
-    if name == "parts":
-        parts = stored.objects(name)
-        return tuple(trajectory_from_json(part, depth=depth + 1) for part in parts)
-    return stored.whole(name)
+    made, inner = KINDS[kind], dict[str, Any]()
+    if made is Repetition:
+        inner["part"] = trajectory_from_json(stored.object("part"), depth=depth + 1)
+    elif made is MotionSequence:
+        parts = stored.objects("parts")
+        inner["parts"] = tuple(trajectory_from_json(part, depth=depth + 1) for part in parts)
+    return stored.made(made, **inner)
 
 
 _KIND = "dynid.trajectory"
@@ -226,9 +212,7 @@ def read_trajectory(path: str | Path) -> StoredTrajectory:
     try:
         trajectory = trajectory_from_json(whole if version == 1 else whole.object("trajectory"))
         _check_size(trajectory)
-        stored = whole.object("limits")
-        names = (item.name for item in fields(MotionBounds))
-        limits = MotionBounds(**{name: stored.vector(name, null=True) for name in names})
+        limits = whole.object("limits").made(MotionBounds)
         if limits.joints != trajectory.joints:
             raise InputError("joints of the limits", value=limits.joints, limit=trajectory.joints)
         own = _OWN if version == _VERSION else _OWN | {"type", "period", "offset", "a", "b"}
@@ -236,7 +220,7 @@ def read_trajectory(path: str | Path) -> StoredTrajectory:
             trajectory=trajectory,
             robot=whole.text("robot"),
             limits=limits,
-            provenance=provenance_from_json(whole.object("provenance")),
+            provenance=whole.object("provenance").made(Provenance),
             extra={key: value for key, value in whole.values.items() if key not in own},
         )
     except InputError as error:

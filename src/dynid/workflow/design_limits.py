@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from dynid.constraints import (
     CLEARANCE,
@@ -135,23 +135,7 @@ def limits_from_json(fields: JsonFields) -> DesignLimits:
     """The inverse of `DesignLimits.to_json`; what release 0.1 did not know has its default.
 
     Raises:
-        InputError: Missing keys or values of the wrong type.
+        InputError: Values of the wrong type.
     """
     values = {name: value for name, value in fields.values.items() if value is not None}
-    if not isinstance(values.get("collision"), bool):
-        raise InputError("collision must be true or false", value=values.get("collision"))
-    found: dict[str, Any] = {"preset": fields.text("preset"), "collision": values["collision"]}
-    if "scene" in values:
-        found["scene"] = fields.object("scene").values
-    if "floor" in values:
-        floor = values["floor"]
-        found["floor"] = floor if isinstance(floor, str) else fields.number("floor")
-    for name in {"margin_percent", "clearance"} & set(values):
-        found[name] = fields.number(name)
-    for name in {"tool", "payload"} & set(values):
-        found[name] = tuple(fields.vector(name).tolist())
-    folders = values.get("mesh_dirs", [])
-    if not isinstance(folders, list):
-        raise InputError("mesh_dirs must be a list of folders", value=folders)
-    folders = tuple(map(str, cast("list[object]", folders)))
-    return DesignLimits(**found, scene_file=str(values.get("scene_file", "")), mesh_dirs=folders)
+    return JsonFields(values, fields.prefix).made(DesignLimits)
