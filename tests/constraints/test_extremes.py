@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 from dynid.constraints import certify, paper_constraints, safe_constraints
-from dynid.constraints.extremes import Judge, Least, dense_times, extremes, least_value
+from dynid.constraints.certificate import Judge, Least, dense_times, extremes, least_value
 from dynid.core import InputError
 from dynid.robot import load_robot
 from dynid.trajectory import (
@@ -242,7 +242,7 @@ def test_long_parts_of_a_sequence_share_the_samples_that_memory_allows(
                  for k in (1, 200))  # fmt: skip
     assert few == pytest.approx(120_000, rel=1e-3)
     assert many < 1.3e6
-    monkeypatch.setattr("dynid.constraints.extremes._MOST_OF_ALL", 12_000)
+    monkeypatch.setattr("dynid.constraints.certificate._MOST_OF_ALL", 12_000)
     with pytest.raises(InputError, match="too many parts to be judged"):
         dense_times(MotionSequence(parts=(there, back) * 200))
 

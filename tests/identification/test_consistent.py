@@ -23,14 +23,17 @@ from dynid.identification import (
     read_estimate,
     write_estimate,
 )
-from dynid.identification.consistent import (
+from dynid.identification.physical import (
+    EXCESS,
     ConsistentProblem,
     ConsistentSolution,
     body_constraints,
+    largest_weight,
+    residual_sum,
     sign_constraints,
     solve_conic,
+    standard_fit,
 )
-from dynid.identification.physical import EXCESS, largest_weight, residual_sum, standard_fit
 from dynid.identification.problem import joint_factors
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms

@@ -8,7 +8,7 @@ from known_robot import COULOMB, VISCOUS, identified, oracle, recording, ur5
 
 from dynid import identify
 from dynid.core import Array, InputError
-from dynid.identification.diagnostics import smallest_mass_eigenvalue
+from dynid.identification.fitting import smallest_mass_eigenvalue
 from dynid.identification.problem import base_mapping, motion_condition_number
 from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model

@@ -6,18 +6,7 @@ from threading import Event
 import numpy as np
 
 from dynid.core import Array, DynidError, InputError, Progress
-from dynid.drivers.driver import (
-    INTERRUPTED,
-    QUANTITIES,
-    Abort,
-    Cycle,
-    Driver,
-    Execution,
-    Outcome,
-    Recorder,
-    Source,
-    Watchdog,
-)
+from dynid.drivers import driver
 from dynid.simulation import PlantState, SimulatedArm, SimulatedPlant, Thermal, recorded, stacked
 
 _BLOCK = 8
@@ -28,7 +17,7 @@ _STANDSTILL, _STANDSTILL_S = 1e-3, 2.0
 """Speed of an arm that stands [rad/s or m/s], and how long it is waited for [s]."""
 
 
-class SimulatedDriver(Driver):
+class SimulatedDriver(driver.Driver):
     """Moves the simulated arm and records what its sensors see.
 
     Args:
@@ -53,10 +42,10 @@ class SimulatedDriver(Driver):
         self._noise = np.random.default_rng(seed)
 
     @property
-    def source(self) -> Source:
+    def source(self) -> driver.Source:
         """See `Driver.source`."""
-        return Source(
-            quantities=QUANTITIES,
+        return driver.Source(
+            quantities=driver.QUANTITIES,
             channels=("index",),
             format="simulation",
             origin=f"simulated {self.arm.robot.name}, seed {self.seed}",
@@ -69,12 +58,12 @@ class SimulatedDriver(Driver):
 
     def execute(
         self,
-        execution: Execution,
-        recorder: Recorder | None,
+        execution: driver.Execution,
+        recorder: driver.Recorder | None,
         *,
         cancel: Event | None = None,
         progress: Progress | None = None,
-    ) -> Outcome:
+    ) -> driver.Outcome:
         """See `Driver.execute`."""
         setpoints = execution.setpoints()
         if setpoints.shape[1] != self.arm.robot.joints:
@@ -84,17 +73,20 @@ class SimulatedDriver(Driver):
         plant = SimulatedPlant(
             self.arm, rate_hz=execution.rate_hz, thermal=self._temperature, pose=setpoints[0]
         )
-        watchdog = Watchdog(execution.limits, execution.rate_hz, execution.total)
+        watchdog = driver.Watchdog(execution.limits, execution.rate_hz, execution.total)
         block: list[PlantState] = []
-        abort: Abort | None = None
+        abort: driver.Abort | None = None
         samples = k = 0
         for k in range(execution.total):
             state = plant.tick(setpoints[k % execution.cycles])
-            abort = watchdog.see(_cycle(k, state))
+            cycle = driver.Cycle(
+                timestamp=state.t, index=k, q=state.q, qd=state.dq, target_q=state.target.q
+            )
+            abort = watchdog.see(cycle)
             if recorder is not None and k >= execution.first_recorded:
                 block.append(state)
             if abort is None and cancel is not None and cancel.is_set():
-                abort = INTERRUPTED
+                abort = driver.INTERRUPTED
             more = (len(block) or k + 1) % _BLOCK > 0 and k + 1 < execution.total
             if abort is None and more:
                 continue
@@ -108,11 +100,13 @@ class SimulatedDriver(Driver):
                 break
         self.rest = _stop(plant, setpoints[k % execution.cycles], execution.rate_hz)
         self._temperature = plant.temperature
-        return Outcome(samples=samples, periods=samples // execution.cycles, gaps=0, abort=abort)
+        return driver.Outcome(
+            samples=samples, periods=samples // execution.cycles, gaps=0, abort=abort
+        )
 
     def _record(
-        self, recorder: Recorder, block: list[PlantState], samples: int, rate_hz: float
-    ) -> tuple[int, Abort | None]:
+        self, recorder: driver.Recorder, block: list[PlantState], samples: int, rate_hz: float
+    ) -> tuple[int, driver.Abort | None]:
         """Measure and record some states; how many there are now, and whether it failed."""
         if not block:
             return samples, None
@@ -124,12 +118,8 @@ class SimulatedDriver(Driver):
                 self.states.append(state)
                 samples += 1
         except DynidError as error:
-            return samples, Abort("recording", error.changed(next_step=None).line)
+            return samples, driver.Abort("recording", error.changed(next_step=None).line)
         return samples, None
-
-
-def _cycle(k: int, state: PlantState) -> Cycle:
-    return Cycle(timestamp=state.t, index=k, q=state.q, qd=state.dq, target_q=state.target.q)
 
 
 def _stop(plant: SimulatedPlant, setpoint: Array, rate_hz: float) -> PlantState:

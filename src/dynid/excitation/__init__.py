@@ -7,8 +7,13 @@ from dynid.excitation.criteria import all_criteria as all_criteria
 from dynid.excitation.criteria import parse_criterion as parse_criterion
 from dynid.excitation.criteria import prior_scale as prior_scale
 from dynid.excitation.criteria import scaled_condition_number as scaled_condition_number
+from dynid.excitation.evaluation import Candidate as Candidate
 from dynid.excitation.evaluation import DesignEvaluation as DesignEvaluation
+from dynid.excitation.evaluation import ExcitationProblem as ExcitationProblem
 from dynid.excitation.evaluation import GramKernel as GramKernel
+from dynid.excitation.evaluation import HistoryEntry as HistoryEntry
+from dynid.excitation.evaluation import Search as Search
+from dynid.excitation.evaluation import SearchProgress as SearchProgress
 from dynid.excitation.optimise import DesignOptimiser as DesignOptimiser
 from dynid.excitation.optimise import ExcitationDesign as ExcitationDesign
 from dynid.excitation.optimise import GeneticAlgorithm as GeneticAlgorithm
@@ -16,11 +21,6 @@ from dynid.excitation.optimise import MotionSearch as MotionSearch
 from dynid.excitation.optimise import Optimised as Optimised
 from dynid.excitation.optimise import by_gradient as by_gradient
 from dynid.excitation.optimise import by_optimiser as by_optimiser
-from dynid.excitation.problem import Candidate as Candidate
-from dynid.excitation.problem import ExcitationProblem as ExcitationProblem
-from dynid.excitation.problem import HistoryEntry as HistoryEntry
-from dynid.excitation.problem import Search as Search
-from dynid.excitation.problem import SearchProgress as SearchProgress
 from dynid.excitation.purpose import ANYWHERE as ANYWHERE
 from dynid.excitation.purpose import Expected as Expected
 from dynid.excitation.purpose import Purpose as Purpose

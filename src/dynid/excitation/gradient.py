@@ -14,8 +14,7 @@ import numpy as np
 
 from dynid.core import Array
 from dynid.excitation.criteria import smoothed
-from dynid.excitation.evaluation import DesignEvaluation
-from dynid.excitation.problem import Candidate, Found, Stop
+from dynid.excitation.evaluation import Candidate, DesignEvaluation, Found, Stop
 from dynid.excitation.region import MotionRegion, free_poses, grown_motion, random_numbers
 
 Objective = Callable[[Array], tuple[float, Callable[[], Array]]]

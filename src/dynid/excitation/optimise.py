@@ -11,16 +11,16 @@ import numpy as np
 
 from dynid import core
 from dynid.constraints import Certificate, certify
-from dynid.excitation.evaluation import DesignEvaluation
-from dynid.excitation.gradient import STAGES, TIGHTEN, improve
-from dynid.excitation.problem import (
+from dynid.excitation.evaluation import (
     Candidate,
+    DesignEvaluation,
     ExcitationProblem,
     HistoryEntry,
     Search,
     SearchProgress,
     Stop,
 )
+from dynid.excitation.gradient import STAGES, TIGHTEN, improve
 from dynid.excitation.purpose import Expected
 from dynid.excitation.region import MotionRegion, region_of
 from dynid.excitation.searches import Effort, elite_count, evolve, multistart

@@ -14,8 +14,7 @@ import numpy as np
 from dynid.constraints import MotionConstraints, prior_dynamics
 from dynid.core import Array, InputError, Value
 from dynid.excitation.criteria import AOptimal, inverse
-from dynid.excitation.evaluation import DesignEvaluation
-from dynid.excitation.problem import ExcitationProblem
+from dynid.excitation.evaluation import DesignEvaluation, ExcitationProblem
 from dynid.excitation.region import free_poses, grown_motion, region_of, tightest
 from dynid.reduction import BaseParametrization
 from dynid.robot import RobotModel, joints_by_kind

@@ -12,8 +12,7 @@ import numpy as np
 
 from dynid.constraints import MotionConstraints
 from dynid.core import Array, InputError, MotionBounds
-from dynid.excitation.evaluation import DesignEvaluation
-from dynid.excitation.problem import ExcitationProblem
+from dynid.excitation.evaluation import DesignEvaluation, ExcitationProblem
 from dynid.trajectory import MotionFamily, require_inside
 
 POINTS_PER_NUMBER = 16

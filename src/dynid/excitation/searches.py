@@ -19,9 +19,15 @@ from uuid import uuid4
 import numpy as np
 
 from dynid.core import Array, WorkerLost, Workers, one_thread, result_of, told_to_stop
-from dynid.excitation.evaluation import DesignEvaluation
+from dynid.excitation.evaluation import (
+    Candidate,
+    DesignEvaluation,
+    ExcitationProblem,
+    Search,
+    SearchProgress,
+    Stop,
+)
 from dynid.excitation.gradient import one_start
-from dynid.excitation.problem import Candidate, ExcitationProblem, Search, SearchProgress, Stop
 from dynid.excitation.region import MotionRegion, region_of, shape_basis
 
 GRACE_S = 0.5

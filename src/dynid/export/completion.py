@@ -234,7 +234,9 @@ def _complete(estimate: Estimate) -> Completion:
         return Completion(values=values, physical=not worst, worst=worst, origin=_CONSISTENT)
     start = np.asarray(estimate.standard_parameters(), dtype=np.float64)
     unseen = null_space(model)
-    nearest = unseen @ _nearest(bodies, start, unseen)
+    # The least squares distance to the prior, in the prior's metric.
+    root = _metric(bodies)
+    nearest = unseen @ _least_squares(root @ unseen, root @ (bodies.prior - start))
     z, possible = _possible(bodies, start + nearest, unseen)
     if not possible:
         values = start + nearest + unseen @ z
@@ -276,12 +278,6 @@ def _as_predicted(
         return values, unseen
     left = np.tensordot(values - start, columns, axes=1).ravel()
     return values - unseen @ _least_squares(shown, left), unseen @ turn[~clear].T
-
-
-def _nearest(bodies: PseudoInertias, start: Array, unseen: Array) -> Array:
-    """Coordinates (k) of the least squares distance to the prior, in the prior's metric."""
-    root = _metric(bodies)
-    return _least_squares(root @ unseen, root @ (bodies.prior - start))
 
 
 def _metric(bodies: PseudoInertias) -> Array:

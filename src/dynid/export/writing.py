@@ -32,12 +32,11 @@ from dynid.export.model import (
     nearest_friction,
     recorded_range,
 )
-from dynid.export.own_urdf import own_urdf_text
-from dynid.export.robot_xml import left_out, stand_in_words
+from dynid.export.robot_xml import left_out, own_urdf_text, stand_in_words
 from dynid.identification import Estimate, EstimateLike, open_estimate
 from dynid.reduction import random_states
 from dynid.regressor import ripples_from_json
-from dynid.robot import PARAMETERS, RobotModel, robot_from_json, robot_to_json
+from dynid.robot import PARAMETERS, robot_from_json, robot_to_json
 
 FORMAT = "dynid-model"
 VERSION = 1
@@ -293,7 +292,9 @@ def write_model(
     kind = _FORMATS[to]
     if urdf is not None and to != "urdf":
         raise InputError("only a URDF can be a copy of one", where="--urdf", value=to, limit="urdf")
-    own = _own_urdf(model.robot, urdf)
+    # One that is asked for must be there.
+    file = Path(urdf or model.robot.urdf)
+    own = file if urdf is not None or (model.robot.urdf and file.is_file()) else None
     if own is not None and own.is_file() and path.exists() and own.samefile(path):
         raise InputError(
             "the model would overwrite the robot's own URDF, which recordings go by",
@@ -349,12 +350,6 @@ def write_model(
         friction=friction,
         warnings=_warnings(to, model, (missing, gap), estimate),
     )
-
-
-def _own_urdf(robot: RobotModel, urdf: str | Path | None) -> Path | None:
-    """The URDF to copy; one that is asked for must be there."""
-    file = Path(urdf or robot.urdf)
-    return file if urdf is not None or (robot.urdf and file.is_file()) else None
 
 
 def _copy_torque(

@@ -37,7 +37,11 @@ from dynid.identification.gravity import gravity_of as gravity_of
 from dynid.identification.gravity import identify_gravity as identify_gravity
 from dynid.identification.instrumental import ClosedLoop as ClosedLoop
 from dynid.identification.instrumental import InstrumentalVariables as InstrumentalVariables
+from dynid.identification.instrumental import Likelihood as Likelihood
+from dynid.identification.instrumental import MaximumLikelihood as MaximumLikelihood
 from dynid.identification.instrumental import OutputError as OutputError
+from dynid.identification.instrumental import motion_covariance as motion_covariance
+from dynid.identification.instrumental import motion_noise as motion_noise
 from dynid.identification.instrumental import smooth_motion as smooth_motion
 from dynid.identification.instrumental import solve_instrumental as solve_instrumental
 from dynid.identification.least_squares import PRIOR_GAIN as PRIOR_GAIN
@@ -50,10 +54,6 @@ from dynid.identification.least_squares import TotalLeastSquares as TotalLeastSq
 from dynid.identification.least_squares import WeightedLeastSquares as WeightedLeastSquares
 from dynid.identification.least_squares import autocorrelation as autocorrelation
 from dynid.identification.least_squares import solve_total as solve_total
-from dynid.identification.likelihood import Likelihood as Likelihood
-from dynid.identification.likelihood import MaximumLikelihood as MaximumLikelihood
-from dynid.identification.likelihood import motion_covariance as motion_covariance
-from dynid.identification.likelihood import motion_noise as motion_noise
 from dynid.identification.payload import Payload as Payload
 from dynid.identification.payload import payload_of as payload_of
 from dynid.identification.physical import PhysicallyConsistent as PhysicallyConsistent

@@ -286,7 +286,9 @@ class HuberRegression(Estimator):
         rows = residual = np.ones((problem.samples.joints, problem.blocks))
         for _ in range(MOST_ROBUST):
             residual = problem.residual(values)
-            noise = np.maximum(_spread(residual), 1e-12 * np.abs(residual).max(initial=1e-12))
+            away = np.abs(residual - np.median(residual, axis=1, keepdims=True))
+            spread = MAD_TO_SIGMA * np.median(away, axis=1)
+            noise = np.maximum(spread, 1e-12 * np.abs(residual).max(initial=1e-12))
             rows = np.minimum(1.0, HUBER * noise[:, None] / (np.abs(residual) + 1e-300))
             # Least squares multiplies rows by the root of their weight.
             factors = joint_factors(problem, np.sqrt(rows))
@@ -309,11 +311,6 @@ class HuberRegression(Estimator):
             information=solve(held, 1.0 / noise, problem.base, self.prior_gain)[1],
             row_weights=level * rows,
         )
-
-
-def _spread(residual: Array) -> Array:
-    centre = np.median(residual, axis=1, keepdims=True)
-    return MAD_TO_SIGMA * np.median(np.abs(residual - centre), axis=1)
 
 
 WEAK_TORQUE = 1e-8

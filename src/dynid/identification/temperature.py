@@ -12,7 +12,6 @@ estimates reads it, as the estimate in the middle of the records' temperatures.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -306,7 +305,10 @@ def write_temperature(found: TemperatureModel, path: str | Path) -> None:
         JobError: The disk does not take it.
     """
     middle = found.estimate_at(found.reference_degC)
-    write_json(Path(path), {**estimate_to_json(middle), KEY: _to_json(found)})
+    names = ("temperature_degC", "covariance", "naive", "laws")
+    laws = {name: plain(getattr(found, name)) for name in names}
+    laws["warnings"] = [notice.to_json() for notice in found.warnings]
+    write_json(Path(path), {**estimate_to_json(middle), KEY: laws})
 
 
 def read_temperature(path: str | Path) -> TemperatureModel:
@@ -320,7 +322,13 @@ def read_temperature(path: str | Path) -> TemperatureModel:
     if KEY not in fields.values:
         raise InputError(_NO_LAWS, where=str(path), next_step=_MAKE)
     try:
-        return _model(estimate, fields.object(KEY))
+        laws = fields.object(KEY)
+        return laws.made(
+            TemperatureModel,
+            estimate=estimate,
+            laws=tuple(map(_law, laws.objects("laws"))),
+            warnings=tuple(finding_from_json(one.values) for one in laws.objects("warnings")),
+        )
     except InputError as error:
         raise InputError(error.what, where=str(path), value=error.value) from error
 
@@ -349,23 +357,6 @@ def open_estimate(estimate: EstimateLike, at_degC: float | None = None) -> Estim
     if at_degC is not None:
         raise InputError(_NO_LAWS, next_step=_MAKE)
     return estimate
-
-
-def _to_json(model: TemperatureModel) -> dict[str, Any]:
-    names = ("temperature_degC", "covariance", "naive", "laws")
-    return {
-        **{name: plain(getattr(model, name)) for name in names},
-        "warnings": [notice.to_json() for notice in model.warnings],
-    }
-
-
-def _model(estimate: Estimate, fields: JsonFields) -> TemperatureModel:
-    return fields.made(
-        TemperatureModel,
-        estimate=estimate,
-        laws=tuple(map(_law, fields.objects("laws"))),
-        warnings=tuple(finding_from_json(one.values) for one in fields.objects("warnings")),
-    )
 
 
 def _law(fields: JsonFields) -> JointTemperatureLaw:

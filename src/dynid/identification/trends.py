@@ -170,7 +170,7 @@ def _fitted(design: Array, values: Array, spread: Array) -> tuple[Array, Array, 
     `CONFIDENCE` deviations hold as much as Student's interval of so few recordings.
     """
     inverse = np.linalg.pinv(design / spread[:, None])
-    found, freedom = inverse @ (values / spread), _freedom(design)
+    found, freedom = inverse @ (values / spread), max(len(design) - design.shape[1], 1)
     noise = float(np.square((values - design @ found) / spread).sum()) / freedom
     wider = float(scipy_part("special").stdtrit(freedom, 0.975)) / CONFIDENCE
     return found, noise * wider**2 * inverse @ inverse.T, noise
@@ -187,10 +187,6 @@ def _spread(design: Array, values: Array, own: Array) -> Array:
         between *= _fitted(design, values, spread)[2]
         spread = np.sqrt(np.square(own) + between)
     return spread
-
-
-def _freedom(design: Array) -> int:
-    return max(len(design) - design.shape[1], 1)
 
 
 def _steps(time_s: Array) -> Indices:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -381,10 +382,10 @@ def _families(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[Fam
     if joints:
         found = _collect(parse_name(text, joints) for text in names)
         wanted = {name.joint for joint in joints for name in [parse_name(joint, joints)]}
-        found = {
-            quantity: [_only(family, wanted) for family in families]
-            for quantity, families in found.items()
-        }
+        for family in chain.from_iterable(found.values()):
+            # Without the columns of other joints, as of a gripper.
+            if set(family.joints) > wanted:
+                family.members = [item for item in family.members if item[0].joint in wanted]
         _take_bare(found)
         if any(set(family.joints) == wanted for family in found.get("q", [])):
             return found
@@ -416,10 +417,3 @@ def _take_bare(found: dict[str, list[Family]]) -> None:
     ]
     if bare and not found.get("q"):
         found["q"] = bare
-
-
-def _only(family: Family, wanted: set[str]) -> Family:
-    """A family without the columns of other joints, as of a gripper, if it has all wanted."""
-    if set(family.joints) > wanted:
-        family.members = [item for item in family.members if item[0].joint in wanted]
-    return family

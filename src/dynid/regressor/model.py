@@ -127,9 +127,6 @@ class InverseDynamicModel(Value):
         state[has] = friction_state(turned[has], over[has], periodic=periodic)
         return state
 
-    def _presliding(self) -> list[int]:
-        return [j for j, d in enumerate(self.friction.presliding) if d > 0]
-
     def stack(
         self,
         q: ArrayLike,
@@ -166,7 +163,8 @@ class InverseDynamicModel(Value):
         inertial_columns(self.constants, motion, out[:first])
         self.fill_beside(velocity, acceleration, out[first:])
         first += sum(self.counts)
-        before = () if state is None else self._presliding()
+        past = () if state is None else self.friction.presliding
+        before = [j for j, displacement in enumerate(past) if displacement > 0]
         if state is not None:
             rest = stribeck(velocity, self.friction.stribeck_velocity)
             for j in before:

@@ -8,7 +8,7 @@ import numpy as np
 from dynid.core import Array, InputError, compiled, require
 from dynid.robot import RobotModel
 from dynid.simulation.joints import Servo, Target
-from dynid.simulation.truth import SimulatedArm, link_body, link_parameters
+from dynid.simulation.library import SimulatedArm, link_body, link_parameters
 
 
 def mujoco_model(robot: RobotModel, inertials: Array, armature: Array, step: float) -> Any:

@@ -1,21 +1,227 @@
-"""Simulated arms: the UR5, any robot with known inertias, and their thermal states."""
+"""Simulated arms: the UR5, any robot with known inertias, their thermal states and their truth.
 
-from dataclasses import replace
+The parameters of links are computed by a few lines of its own: the simulated arm must not borrow
+the model that it is there to test.
+"""
+
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, RobotError, read_only
+from dynid.core import Array, InputError, RobotError, check_word, freeze, frozen, read_only
 from dynid.robot import RobotModel, load_robot
-from dynid.simulation.joints import JointFriction, JointSensors, JointThermal, Servo
-from dynid.simulation.truth import (
-    GroundTruth,
-    SimulatedArm,
-    cylinder,
-    in_parent_frame,
-    link_body,
-    link_parameters,
-    point_masses,
-)
+from dynid.simulation import joints
+
+_TENSOR = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+"""Entries Jxx, Jyy, Jzz, Jyz, Jxz, Jxy."""
+
+
+def link_parameters(mass: float, com: Array, tensor: Array) -> Array:
+    """(10) m, mx, my, mz, Jxx, Jyy, Jzz, Jyz, Jxz, Jxy about the frame origin.
+
+    Args:
+        mass: Mass [kg].
+        com: (3) centre of mass in the frame [m].
+        tensor: (3, 3) inertia about the centre of mass, along the frame's axes [kg.m^2].
+    """
+    about_origin = tensor + mass * _steiner(com)
+    return np.concatenate(
+        [[mass], mass * com, [about_origin[row, column] for row, column in _TENSOR]]
+    )
+
+
+def link_body(parameters: Array) -> tuple[float, Array, Array]:
+    """Mass [kg], centre of mass (3) [m] and tensor about it (3, 3) [kg.m^2] of parameters (10)."""
+    mass = float(parameters[0])
+    com = parameters[1:4] / mass
+    tensor = np.empty((3, 3))
+    for (row, column), value in zip(_TENSOR, parameters[4:], strict=True):
+        tensor[row, column] = tensor[column, row] = value
+    return mass, com, tensor - mass * _steiner(com)
+
+
+def in_parent_frame(parameters: Array, placement: Array) -> Array:
+    """The ten parameters (10) of the same body, about the parent frame.
+
+    The inner frame stands at `placement` (4, 4) in the parent frame [m].
+    """
+    mass, com, tensor = link_body(parameters)
+    rotation, origin = placement[:3, :3], placement[:3, 3]
+    return link_parameters(mass, rotation @ com + origin, rotation @ tensor @ rotation.T)
+
+
+def cylinder(mass: float, radius: float, length: float, axis: int) -> Array:
+    """(3, 3) the tensor of a solid cylinder about its middle [kg.m^2], in kg and m.
+
+    The axis, 0, 1 or 2, is the frame axis along the cylinder.
+    """
+    diagonal = np.full(3, mass * (3 * radius**2 + length**2) / 12)
+    diagonal[axis] = mass * radius**2 / 2
+    return np.diag(diagonal)
+
+
+def _steiner(com: Array) -> Array:
+    return (com @ com) * np.eye(3) - np.outer(com, com)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroundTruth:
+    """What the simulated arm is made of.
+
+    Raises:
+        InputError: Shapes that disagree, a mass that is not positive, a negative motor inertia
+            or a gain of zero.
+    """
+
+    inertials: Array
+    """(n, 10) m, mx, my, mz, Jxx, Jyy, Jzz, Jyz, Jxz, Jxy about the joint frame
+    [kg, kg.m, kg.m^2]."""
+    motor_inertia: Array
+    """(n) Im, rotor inertia times gear ratio squared [kg.m^2]."""
+    friction: joints.JointFriction
+    """Friction."""
+    thermal: joints.JointThermal
+    """Warming up."""
+    sensors: joints.JointSensors
+    """Noise and resolution."""
+    gain: Array
+    """(n) joint torque per motor current [N.m/A]."""
+    label: str
+    """Whose numbers these are, in words."""
+
+    def __post_init__(self) -> None:
+        n = np.size(self.motor_inertia)
+        freeze(self, inertials=(n, 10), motor_inertia=(n,), gain=(n,))
+        masses = self.inertials[:, 0]
+        if (masses <= 0).any() or (self.motor_inertia < 0).any() or (self.gain == 0).any():
+            raise InputError(
+                "masses must be positive, motor inertias not negative and gains not zero",
+                value=(masses.tolist(), self.motor_inertia.tolist(), self.gain.tolist()),
+            )
+        parts = (self.friction.coulomb, self.thermal.resistance, self.sensors.position_noise)
+        if any(len(part) != n for part in parts):
+            raise InputError(
+                "parts of the truth are for another number of joints",
+                value=[len(part) for part in parts],
+                limit=n,
+            )
+
+    @property
+    def standard_parameters(self) -> Array:
+        """(n, 13) the ten `inertials`, then Fc, Fv at the reference temperature, and Im.
+
+        With a friction law richer than Fc and Fv, these two are the Coulomb torque without load
+        and the viscous slope: what is identified from data differs by what they leave out.
+        """
+        return self.standard_parameters_at(self.friction.reference_degC)
+
+    def standard_parameters_at(self, temperature_degC: float | Array) -> Array:
+        """(n, 13) as `standard_parameters`, with Fc and Fv at one temperature or (n) [degC]."""
+        n = len(self.motor_inertia)
+        temperature = np.broadcast_to(np.asarray(temperature_degC, dtype=np.float64), (n,))
+        return read_only(
+            np.column_stack(
+                [
+                    self.inertials,
+                    self.friction.coulomb_at(temperature),
+                    self.friction.viscous_at(temperature),
+                    self.motor_inertia,
+                ]
+            )
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedArm:
+    """A robot, its truth, and the servo that moves it.
+
+    Raises:
+        InputError: Parts for another number of joints, or a coupled transmission.
+    """
+
+    robot: RobotModel
+    """Kinematics, mounting and limits."""
+    truth: GroundTruth
+    """Everything else."""
+    controller: joints.ControllerModel
+    """What the controller believes of the arm."""
+    servo: joints.Servo = field(default_factory=joints.Servo)
+    """How set points become torques."""
+
+    def __post_init__(self) -> None:
+        n = self.robot.joints
+        sizes = (len(self.truth.motor_inertia), len(self.controller.masses))
+        if sizes != (n, n):
+            raise InputError(
+                "truth and controller model", where=self.robot.name, value=sizes, limit=n
+            )
+        coupling = self.robot.drives.coupling
+        if coupling is not None and np.any(coupling != np.diag(np.diag(coupling))):
+            raise InputError(
+                "the simulated arm has one motor a joint; this robot's joints are coupled",
+                where=self.robot.name,
+            )
+
+    @property
+    def made_up_gains(self) -> tuple[float, ...] | None:
+        """(n) drive gains that only its recordings can tell [N.m/A]; None where the robot does."""
+        unknown = np.isnan(self.robot.drives.gain).any()
+        return tuple(self.truth.gain.tolist()) if unknown else None
+
+    def standard_parameters_in(self, frames: str) -> Array:
+        """(n, 13) `truth.standard_parameters` about frames of `robot.parameter_frames`.
+
+        Raises:
+            InputError: The robot has no such frames.
+        """
+        check_word(frames, self.robot.parameter_frames, "frames")
+        parameters = self.truth.standard_parameters.copy()
+        joints_in_frames = np.linalg.inv(self.robot.parameter_frames[frames])
+        for i in range(self.robot.joints):
+            parameters[i, :10] = in_parent_frame(parameters[i, :10], joints_in_frames[i])
+        return read_only(parameters)
+
+
+def point_masses(inertials: Array, coulomb: Array, viscous: Array) -> joints.ControllerModel:
+    """A controller model with the masses and centres of links (n, 10), and no tensors.
+
+    It compensates dry friction (n) [N.m] and viscous friction (n) [N.m.s/rad].
+    """
+    bodies = [link_body(row) for row in inertials]
+    return joints.ControllerModel(
+        masses=np.array([mass for mass, _, _ in bodies]),
+        com=np.array([com for _, com, _ in bodies]),
+        coulomb=coulomb,
+        viscous=viscous,
+    )
+
+
+def with_payload(
+    arm: SimulatedArm, mass: float, centre: ArrayLike, tensor: ArrayLike
+) -> SimulatedArm:
+    """The arm with a body fixed to its flange; its controller does not know of it.
+
+    Args:
+        arm: The arm.
+        mass: Mass [kg], positive.
+        centre: (3) centre of mass in the flange frame [m].
+        tensor: (3, 3) inertia about the centre of mass, along the flange's axes [kg.m^2].
+
+    Raises:
+        InputError: A mass that is not positive, or shapes that are wrong.
+    """
+    if not mass > 0:
+        raise InputError("a payload needs a positive mass", value=mass)
+    body = link_parameters(
+        mass,
+        frozen(centre, shape=(3,), name="centre of mass"),
+        frozen(tensor, shape=(3, 3), name="inertia tensor"),
+    )
+    inertials = np.array(arm.truth.inertials)
+    inertials[-1] += in_parent_frame(body, arm.robot.flange)
+    return replace(arm, truth=replace(arm.truth, inertials=inertials))
+
 
 LABEL = "masses and centres of mass by UR; all else is the simulated arm's own, not UR's numbers"
 
@@ -56,7 +262,7 @@ def ur5_truth(robot: RobotModel) -> GroundTruth:
             damping=_each(20.0, 2.0),
             viscous_decay=np.array(_VISCOUS_DECAY),
         ),
-        thermal=JointThermal(
+        thermal=joints.JointThermal(
             resistance=np.array([0.52, 0.42, 0.68, 2.9, 3.3, 4.2]),
             capacity=np.array([1900.0, 2300.0, 1400.0, 340.0, 300.0, 240.0]),
             winding=_each(0.35, 0.9),
@@ -89,9 +295,9 @@ def _friction(
     stiffness: Array,
     damping: Array,
     viscous_decay: Array,
-) -> JointFriction:
+) -> joints.JointFriction:
     n = len(coulomb)
-    return JointFriction(
+    return joints.JointFriction(
         coulomb=coulomb,
         viscous=viscous,
         breakaway=0.15 * coulomb,
@@ -104,10 +310,10 @@ def _friction(
     )
 
 
-def _sensors(noise: Array, step: Array) -> JointSensors:
+def _sensors(noise: Array, step: Array) -> joints.JointSensors:
     """Of currents [A], beside sensors that all arms have."""
     n = len(noise)
-    return JointSensors(
+    return joints.JointSensors(
         position_noise=np.zeros(n),
         position_step=np.full(n, 5e-6),
         velocity_noise=np.full(n, 1e-3),
@@ -135,7 +341,7 @@ MASS_SPREAD, CENTRE_SPREAD_M, TENSOR_SPREAD = 0.1, 0.01, 0.3
 
 
 def simulated_arm(
-    robot: RobotModel, *, servo: Servo | None = None, serial: int | None = None
+    robot: RobotModel, *, servo: joints.Servo | None = None, serial: int | None = None
 ) -> SimulatedArm:
     """The simulated arm of a robot: realistic, with a truth that can be looked up.
 
@@ -163,7 +369,9 @@ def simulated_arm(
         inertials = as_built(truth.inertials, serial)
         label = f"{truth.label}; links as built, serial number {serial}"
         truth = replace(truth, inertials=inertials, label=label)
-    return SimulatedArm(robot=robot, truth=truth, controller=controller, servo=servo or Servo())
+    return SimulatedArm(
+        robot=robot, truth=truth, controller=controller, servo=servo or joints.Servo()
+    )
 
 
 def _is_documented(robot: RobotModel) -> bool:
@@ -221,7 +429,7 @@ def stand_in_truth(robot: RobotModel) -> GroundTruth:
             damping=2.0 * coulomb,
             viscous_decay=np.full(n, 0.03),
         ),
-        thermal=JointThermal(
+        thermal=joints.JointThermal(
             resistance=75.0 / torque,
             capacity=12.0 * torque,
             winding=0.28 * torque / rated_current**2,

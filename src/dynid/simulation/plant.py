@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from dynid.core import Array, InputError, JobError, frozen, read_only, require
 from dynid.simulation.joints import PlantState, Servo, Target, Thermal
 from dynid.simulation.kernel import Tracker, drive, mujoco_model, predict
-from dynid.simulation.truth import GroundTruth, SimulatedArm
+from dynid.simulation.library import GroundTruth, SimulatedArm
 from dynid.trajectory import Repetition, Trajectory
 
 PHYSICS_STEP = 5e-4

@@ -68,7 +68,7 @@ class Page:
             "run": self._run,
             "identify": self._identify,
             "answer": self._answer,
-            "stop": lambda _: self._stop(),
+            "stop": lambda _: self.session.job and self.session.job.stop(),
             "results": lambda _: self._results(None),
             "report": lambda _: self._results(
                 self.session.folder / free_name(self.session.folder, "report.html")
@@ -394,10 +394,6 @@ class Page:
                 next_step="Run again.",
             )
         job.answer(asked.text("word").strip())
-
-    def _stop(self) -> None:
-        if self.session.job is not None:
-            self.session.job.stop()
 
     def _results(self, output: Path | None) -> dict[str, Any]:
         self.session.check_idle()

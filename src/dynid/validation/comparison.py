@@ -206,7 +206,8 @@ def refuse_strangers(a: Estimate, b: Estimate) -> None:
     step = "Identify both recordings with the same --robot"
     one, other = a.model.robot, b.model.robot
     if not _same_chain(one, other):
-        reasons.append(f"robots ({_called(one)} and {_called(other)})")
+        names = (f"{robot.name}, {robot.joints} joints" for robot in (one, other))
+        reasons.append(f"robots ({' and '.join(names)})")
     elif not np.allclose(one.gravity, other.gravity, atol=_SAME_GRAVITY, rtol=0):
         reasons.append(f"mountings ({one.mount} and {other.mount})")
     if a.model.frames != b.model.frames:
@@ -328,10 +329,6 @@ def _other_motion(a: Estimate, b: Estimate) -> Iterator[Finding]:
         yield Finding("other_motion", message, joints=joints, severity="warning")
 
 
-def _called(robot: RobotModel) -> str:
-    return f"{robot.name}, {robot.joints} joints"
-
-
 def _same_chain(one: RobotModel, other: RobotModel) -> bool:
     """Kinematics and motors decide, not names: a URDF of an arm may be called otherwise."""
     return (
@@ -412,18 +409,18 @@ class ParameterComparison(Value):
                 change_percent=self.change_percent,
                 z=self.z,
             ),
-            "groups": {group.name: self._group_to_json(group) for group in self.groups},
+            "groups": {
+                group.name: {
+                    "parameters": [self.names[k] for k in group.members],
+                    "moved": group.moved,
+                    "largest": None if group.largest is None else self.names[group.largest],
+                    "largest_z": group.largest_z,
+                    "limit_z": group.limit_z,
+                    "median_change_percent": group.median_change_percent,
+                }
+                for group in self.groups
+            },
             **told(self.warnings),
-        }
-
-    def _group_to_json(self, group: ParameterGroup) -> dict[str, Any]:
-        return {
-            "parameters": [self.names[k] for k in group.members],
-            "moved": group.moved,
-            "largest": None if group.largest is None else self.names[group.largest],
-            "largest_z": group.largest_z,
-            "limit_z": group.limit_z,
-            "median_change_percent": group.median_change_percent,
         }
 
 

@@ -170,7 +170,9 @@ class _DesignJob:
                     next_step=f"Ask for less: {LONGEST_S:g} s are the most that are designed for.",
                 )
             if best is None or count * period < best.repetitions * best.trajectory.duration:
-                best = self._repeated(found, count)
+                told = self._expected(self._weighted_gram(found), count)
+                findings = self._findings(told, 1)
+                best = replace(found, repetitions=count, expected=told, findings=findings)
             count = max(round(needed / self.asked.period_s), 1)
             step = 25 / self.asked.rate_hz
             fitting = max(math.ceil(MARGIN * needed / count / step) * step, SHORTEST_S)
@@ -244,12 +246,6 @@ class _DesignJob:
             reached = self._expected(gram, middle).bound_percent <= percent
             low, high = (low, middle) if reached else (middle, high)
         return high
-
-    def _repeated(
-        self, found: excitation.ExcitationDesign, count: int
-    ) -> excitation.ExcitationDesign:
-        told = self._expected(self._weighted_gram(found), count)
-        return replace(found, repetitions=count, expected=told, findings=self._findings(told, 1))
 
     def _told(
         self, optimised: excitation.Optimised, period_s: float

@@ -39,7 +39,8 @@ def program_folder(folder: Path) -> FindProgram:
         parts = PurePosixPath(name).parts
         if parts[:1] == ("/",):
             parts = parts[2:] if parts[1:2] == (_ON_THE_ROBOT,) else parts[1:]
-        path = root.joinpath(*parts).with_suffix(".script") if _is_program(parts) else root
+        is_program = bool(parts) and PurePosixPath(parts[-1]).suffix in _SUFFIXES
+        path = root.joinpath(*parts).with_suffix(".script") if is_program else root
         try:
             path = path.resolve(strict=True)
             if not path.is_relative_to(root) or path.stat().st_size > MAX_CHARACTERS:
@@ -50,10 +51,6 @@ def program_folder(folder: Path) -> FindProgram:
             return None
 
     return find
-
-
-def _is_program(parts: tuple[str, ...]) -> bool:
-    return bool(parts) and PurePosixPath(parts[-1]).suffix in _SUFFIXES
 
 
 class DashboardSession:

@@ -18,7 +18,7 @@ from dynid.recording.record import (
     identity,
     signals_hash,
 )
-from dynid.recording.repair import clock, joints, missing, motion, stamps
+from dynid.recording.repair import clock, joints, missing, motion
 from dynid.recording.table import TORQUE_SOURCES, Mask, RawTable, ReadOptions, rows_with
 from dynid.robot import RobotModel
 
@@ -370,14 +370,14 @@ RULES: tuple[Rule, ...] = (
     Rule(joints.settle_joints, "kinova_gen3, bags: joints by name", ("robot", "joint_order")),
     Rule(_number_rows, "every message that names a row"),
     Rule(_start_clock, "tx40: no time stamps", ("rate_hz",)),
-    Rule(stamps.lay_together, "topics of one table on rows of their own"),
+    Rule(clock.lay_together, "topics of one table on rows of their own"),
     Rule(missing.drop_missing, "cells that are empty or no number"),
     Rule(motion.drop_zero_positions, "rows of zeros at a lost link"),
-    Rule(stamps.drop_repeats, "panda_gaz: rows read faster than they are updated", rows=3),
+    Rule(clock.drop_repeats, "panda_gaz: rows read faster than they are updated", rows=3),
     Rule(clock.mend_jumps, "a clock that was set while it ran", rows=50, clocks=_STAMPED),
     Rule(clock.join_runs, "several runs in one file", rows=100, clocks=("recorded",)),
     Rule(clock.spread_stamps, "stamps that are rounded", rows=24, clocks=("recorded",)),
-    Rule(stamps.repair_stamps, "stamps that repeat, run backwards or jump", rows=2),
+    Rule(clock.repair_stamps, "stamps that repeat, run backwards or jump", rows=2),
     Rule(clock.shorten_gaps, "a pause of an hour; a first or last stamp that is far off", rows=50),
     Rule(joints.convert_degrees, "degrees that a user announces", ("robot", "degrees")),
     Rule(joints.unwrap_turns, "angles that jump where a turn is full", ("robot",)),
@@ -387,7 +387,7 @@ RULES: tuple[Rule, ...] = (
     Rule(motion.drop_spikes, "panda_gaz, kinova_gen3, ur5_kufieta: single wrong samples", rows=24),
     Rule(motion.drop_bursts, "stretches of rows that are wrong", rows=24),
     Rule(missing.drop_broken_ends, "kinova_gen3: invalid last rows"),
-    Rule(stamps.fill_held, "positions renewed on every tenth row"),
+    Rule(clock.fill_held, "positions renewed on every tenth row"),
     Rule(_require_rows, "files of damage alone"),
     Rule(clock.settle_unit, "kinova_gen3: time in milliseconds"),
     Rule(joints.refuse_degrees, "degrees that nobody announced", ("robot",)),

@@ -72,7 +72,8 @@ def copied(value: Value) -> Value:
     """The value itself, or a copy of it where it could be changed."""
     kind = value.__class__
     if kind is list:
-        return [copied(item) for item in value] if _nested(value) else value[:]
+        nested = any(isinstance(item, list) for item in value)
+        return [copied(item) for item in value] if nested else value[:]
     if kind is Struct:
         return Struct(value.names, [copied(item) for item in value])
     return Pose(value) if kind is Pose else value
@@ -157,10 +158,6 @@ def described(value: Value) -> str:
         Struct: "a struct",
     }
     return kinds.get(value.__class__, f"the number {value}")
-
-
-def _nested(items: list[Any]) -> bool:
-    return any(isinstance(item, list) for item in items)
 
 
 def _wrapped(value: int) -> int:
