@@ -3,6 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dynid.recording import ExperimentRecord
+from dynid.robot import load_robot
 from dynid.signals import (
     NYQUIST_SHARE,
     ProcessingSettings,
@@ -11,9 +13,9 @@ from dynid.signals import (
     low_pass,
     motion_bandwidth,
     samples_from,
+    uniform_signals,
 )
 from dynid.signals.filters import HARMONIC_FACTOR, LOWEST_DEFAULT_HZ
-from dynid.signals.resample import resample
 
 PHASE = 1e-3
 """[rad]"""
@@ -135,9 +137,10 @@ def test_the_bandwidth_is_the_highest_harmonic_whatever_the_noise(
     duration = 20.0
     nominal = np.arange(int(duration * rate)) / rate
     t = nominal + random.uniform(-0.2, 0.2, len(nominal)) / rate
-    q = _excitation(t, highest)
+    q = _excitation(t, highest, joints=6)
     q = q + noise * random.normal(size=q.shape)
-    signals = resample(t, q, None, q)
+    record = ExperimentRecord(t=t, signals={"q": q, "effort": q})
+    signals = uniform_signals(record, load_robot("ur5"), ProcessingSettings())
     # The window of a finite record widens every line by two bins.
     found = motion_bandwidth(signals.q, signals.rate_hz)
     assert highest - 0.01 <= found <= highest + 3 / duration

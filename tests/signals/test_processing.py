@@ -390,7 +390,7 @@ def test_friction_follows_the_same_positions_at_the_stamps_and_in_parts() -> Non
         recording=record,
         robot=_robot(1),
         settings=settings,
-        grid=survey(record, settings),
+        grid=survey(record, settings.start_s, settings.stop_s),
         encoder_noise=noise,
     )
     parts = [long.samples(0, 3000), long.samples(3000, long.count)]

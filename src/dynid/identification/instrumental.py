@@ -3,7 +3,6 @@
 For the likelihood, how noisy the measured motion is, is read off its spectrum above the motion.
 """
 
-import itertools
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -21,7 +20,7 @@ from dynid.core import (
 from dynid.identification.least_squares import Estimator, Fit, WeightedLeastSquares, residual_noise
 from dynid.identification.problem import IdentificationProblem, joint_factors
 from dynid.regressor import InverseDynamicModel
-from dynid.signals import Samples, derivative, low_pass, motion_bandwidth
+from dynid.signals import Samples, derivative, low_pass, motion_bandwidth, stretches
 
 BANDWIDTH_FACTOR = 4.0
 """Cut-off of the smooth motion over the motion's own bandwidth: the motion passes whole."""
@@ -47,7 +46,7 @@ def smooth_motion(samples: Samples) -> tuple[Samples, Indices]:
     rate, block = samples.rate_hz, samples.block
     q, dq, ddq = np.array(samples.q), np.array(samples.dq), np.array(samples.ddq)
     kept: list[Indices] = []
-    for part in segments(samples.t, rate):
+    for part in stretches(samples.t, GAP / rate):
         cutoff = smooth_cutoff(samples.q[part], rate)
         q[part] = low_pass(samples.q[part], rate, cutoff)
         dq[part] = derivative(q[part], rate, "central", cutoff)
@@ -68,13 +67,6 @@ def smooth_motion(samples: Samples) -> tuple[Samples, Indices]:
 def smooth_cutoff(q: Array, rate_hz: float) -> float:
     """Cut-off [Hz] of the smooth motion."""
     return max(BANDWIDTH_FACTOR * motion_bandwidth(q, rate_hz), LOWEST_HZ)
-
-
-def segments(t: Array, rate_hz: float) -> list[slice]:
-    """Stretches without gaps."""
-    cuts = np.flatnonzero(np.diff(t) > GAP / rate_hz) + 1
-    edges = [0, *cuts.tolist(), len(t)]
-    return [slice(a, b) for a, b in itertools.pairwise(edges)]
 
 
 def picked(samples: Samples, indices: Indices) -> Samples:
@@ -129,7 +121,7 @@ class ClosedLoop:
         first, begin, end = np.array(
             [
                 (max(part.start, start - settle), start, min(start + length, part.stop))
-                for part in segments(reference.t, rate)
+                for part in stretches(reference.t, GAP / rate)
                 for start in range(part.start, part.stop, length)
             ]
         ).T
@@ -328,7 +320,7 @@ def motion_noise(samples: Samples) -> Array:
     longest counts.
     """
     rate = samples.rate_hz
-    part = max(segments(samples.t, rate), key=lambda s: s.stop - s.start)
+    part = max(stretches(samples.t, GAP / rate), key=lambda s: s.stop - s.start)
     ddq = samples.ddq[part]
     taper = np.hanning(len(ddq))
     spectrum = np.abs(np.fft.rfft(ddq * taper[:, None], axis=0)) ** 2

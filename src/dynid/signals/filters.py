@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynid.core import Array, InputError, compiled, scipy_part
-from dynid.signals.resample import GAP_STEPS, UniformSignals, linear
+from dynid.signals.resample import GAP_STEPS, UniformSignals, linear, stretches
 
 METHODS = ("central", "savgol")
 
@@ -218,10 +218,8 @@ class TorqueFilter:
             dtype=np.float64,
         )
         out = np.array(values)
-        breaks = np.flatnonzero(np.diff(t) > GAP_STEPS / rate_hz) + 1
-        for first, last in zip([0, *breaks], [*breaks, len(t)], strict=True):
-            if last - first > 2:
-                part = slice(int(first), int(last))
+        for part in stretches(t, GAP_STEPS / rate_hz):
+            if part.stop - part.start > 2:
                 padding = int(2 * rate_hz / self.cutoff_hz)
                 out[..., part] = _stretch(sections, values[..., part], t[part], rate_hz, padding)
         return out

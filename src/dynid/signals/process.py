@@ -7,11 +7,18 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, Indices, InputError, Value, freeze
-from dynid.recording import ExperimentRecord, RecordLike, are_poses, open_record
+from dynid.recording import (
+    AnyRecording,
+    ExperimentRecord,
+    RecordLike,
+    StoredRecording,
+    are_poses,
+    open_record,
+)
 from dynid.robot import RobotLike, RobotModel, load_robot
 from dynid.signals import filters
 from dynid.signals.filters import METHODS, TorqueFilter
-from dynid.signals.resample import UniformSignals, fold_periods, linear, resample, window
+from dynid.signals.resample import StreamGrid, UniformSignals, fold_periods, onto, stretches, survey
 
 VELOCITY_SOURCES = ("position", "measured")
 
@@ -144,8 +151,7 @@ class Samples(Value):
     @property
     def runs(self) -> list[slice]:
         """Parts between which no motion was recorded for `APART_S`: each starts anew."""
-        cuts = np.flatnonzero(np.diff(self.t) > APART_S - 0.5 / self.rate_hz) + 1
-        return [slice(a, b) for a, b in zip([0, *cuts], [*cuts, self.count], strict=True)]
+        return stretches(self.t, APART_S - 0.5 / self.rate_hz)
 
     @property
     def count(self) -> int:
@@ -240,7 +246,6 @@ def uniform_signals(
     Raises:
         InputError: An empty window, no torque, stamps without a usable rate, or single poses.
     """
-    torque = measured_torque(record, robot)
     if are_poses(record.signals["q"]):
         raise InputError(
             "these rows are no motion: each position is unrelated to the one before",
@@ -248,13 +253,57 @@ def uniform_signals(
             next_step="Identify gravity from poses at rest: dynid gravity RECORD. If it is a "
             "motion, check the columns and the time stamps.",
         )
-    part = window(record.t, settings.start_s, settings.stop_s)
-    velocity = record.signals.get("qd")
-    return resample(
-        record.t[part],
-        record.signals["q"][part],
-        None if velocity is None else velocity[part],
-        torque[part],
+    grid = survey(record, settings.start_s, settings.stop_s)
+    return signals_at(record, robot, settings, grid, 0, grid.count)
+
+
+def signals_at(
+    recording: AnyRecording,
+    robot: RobotModel,
+    settings: ProcessingSettings,
+    grid: StreamGrid,
+    first: int,
+    last: int,
+) -> UniformSignals:
+    """The signals at some points of a recording's grid."""
+    low, high = grid.rows(first, last)
+    part = rows_of(recording, low, high, settings)
+    torque = measured_torque(part, robot)
+    qd, rate = part.signals.get("qd"), grid.rate_hz
+    valid = np.ones(last - first)
+    for a, b in grid.gaps:
+        valid[max(a - first, 0) : max(b - first, 0)] = 0.0
+    if grid.uniform:
+        return UniformSignals(
+            t=part.t, rate_hz=rate, q=part.signals["q"], qd=qd, torque=torque, valid=valid
+        )
+    times = grid.times(first, last)
+    return onto(times, rate, part.t, part.signals["q"], qd, torque, valid)
+
+
+def rows_of(
+    recording: AnyRecording,
+    first: int,
+    last: int,
+    settings: ProcessingSettings | None = None,
+    *,
+    positions: bool = False,
+) -> ExperimentRecord:
+    """Rows from the first to the one before the last, as a recording of their own.
+
+    Only signals that settings ask for are read, None for all that are processed; or only positions.
+    """
+    if isinstance(recording, StoredRecording) and positions:
+        return recording.part(first, last, ())
+    if isinstance(recording, StoredRecording):
+        source = "effort" if "effort" in recording.quantities else "current"
+        measured = settings is None or settings.velocity == "measured"
+        return recording.part(first, last, (source, "qd") if measured else (source,))
+    rows = slice(first, last)
+    return ExperimentRecord(
+        t=recording.t[rows],
+        signals={name: values[rows] for name, values in recording.signals.items()},
+        metadata=replace(recording.metadata, input_hash=""),
     )
 
 
@@ -417,44 +466,3 @@ def block_length(rate: float) -> int:
     """Samples that are averaged where data are thinned."""
     # Stamps give rates like 499.9999999.
     return max(1, int(rate / BLOCK_RATE_HZ + 1e-6))
-
-
-def samples_at_stamps(
-    record: ExperimentRecord, robot: RobotModel, settings: ProcessingSettings
-) -> Samples:
-    """Motion from the uniform grid, torque as recorded, at the record's own stamps.
-
-    A record that is uniform already gives the samples of `process`, and its ends. For a jittered
-    one the grid holds more points than were recorded, and their torques are averages of
-    neighbours: both would flatter a prediction error. So would torques between two samples: with
-    a delay the nearest sample stands, and `late_s` tells what is left.
-
-    Raises:
-        InputError: See `process`.
-    """
-    signals = uniform_signals(record, robot, settings)
-    samples = samples_from(signals, replace(settings, delays_s=None), trim=False)
-    part = window(record.t, settings.start_s, settings.stop_s)
-    stamps, torque = record.t[part], measured_torque(record, robot)[part]
-    t: Array = stamps - float(stamps[0])
-    after = np.clip(np.searchsorted(samples.t, t), 1, samples.count - 1)
-    inside = (t >= samples.t[0]) & (t <= samples.t[-1])
-    # Between kept grid points that are no neighbours lies a gap.
-    inside &= samples.t[after] - samples.t[after - 1] < 1.5 / signals.rate_hz
-    kept = t[inside]
-    motion = (samples.q, samples.dq, samples.ddq, samples.friction_q)
-    q, dq, ddq, unfiltered_q = (linear(samples.t, x, kept) for x in motion)
-    samples = replace(
-        samples, t=kept, q=q, dq=dq, ddq=ddq, tau=torque[inside], unfiltered_q=unfiltered_q,
-        block=1, noise=None, changed=None,
-    )  # fmt: skip
-    if settings.delays_s is None or not any(settings.delays_s):
-        return samples
-    if len(settings.delays_s) != robot.joints:
-        raise InputError("one delay a joint", value=len(settings.delays_s), limit=robot.joints)
-    # The nearest sample: a mean of two has less noise than was recorded.
-    want = samples.t[:, None] + np.array(settings.delays_s)
-    after = np.clip(np.searchsorted(t, want), 1, len(t) - 1)
-    nearest = after - (want - t[after - 1] < t[after] - want)
-    tau = np.take_along_axis(torque, nearest, axis=0)
-    return replace(samples, tau=tau, late_s=t[nearest] - want)

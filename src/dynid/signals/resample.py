@@ -1,11 +1,13 @@
 """From recorded stamps to a uniform grid; periods and repetitions."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from dynid.core import Array, InputError, scipy_part
+from dynid.recording import AnyRecording, ExperimentRecord
 
 UNIFORM_WITHIN = 0.05
 """Stamps within this share of a step of a uniform grid count as uniform."""
@@ -41,6 +43,12 @@ class UniformSignals:
     """Repetitions of which torques are means."""
 
 
+def stretches(t: Array, apart_s: float) -> list[slice]:
+    """The parts of some samples between which stamps t (N) are farther apart [s]."""
+    cuts = (np.flatnonzero(np.diff(t) > apart_s) + 1).tolist()
+    return [slice(a, b) for a, b in pairwise([0, *cuts, len(t)])]
+
+
 def window(t: Array, start_s: float | None, stop_s: float | None) -> slice:
     """The samples between two times, counted from the record's start.
 
@@ -72,52 +80,152 @@ def require_window(rows: int, start_s: float | None, stop_s: float | None, elaps
         )
 
 
-def resample(t: Array, q: Array, qd: Array | None, torque: Array) -> UniformSignals:
-    """Put signals on a uniform grid at their median rate.
+MARK = 4096
+"""Rows from one known stamp to the next."""
+MOST_STEPS = 1_000_000
+"""Steps whose median is the step of the grid: of longer recordings every so manieth."""
+BESIDE = 8
+"""Rows beside a part that interpolation looks at."""
 
-    Positions and velocities follow a shape-preserving cubic, torques straight lines. A
-    recording that is uniform already passes through untouched.
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StreamGrid:
+    """The uniform grid of a recording, at its median rate."""
+
+    first_row: int
+    last_row: int
+    """One behind the last row of the window."""
+    start_s: float
+    """Its first stamp [s]."""
+    step_s: float
+    count: int
+    """Points of the grid."""
+    uniform: bool
+    """Whether the rows are the grid."""
+    marks: Array
+    """Stamps of every `MARK`-th row of the recording [s]."""
+    gaps: tuple[tuple[int, int], ...]
+    """First point, and one behind the last, of the grid in each gap."""
+
+    @property
+    def rate_hz(self) -> float:
+        """Samples a second."""
+        return 1.0 / self.step_s
+
+    def times(self, first: int, last: int) -> Array:
+        """Stamps of some points [s]."""
+        return self.start_s + self.step_s * np.arange(first, last, dtype=np.float64)
+
+    def rows(self, first: int, last: int) -> tuple[int, int]:
+        """Rows that some points lie between, and a few beside them."""
+        if self.uniform:
+            return self.first_row + first, self.first_row + last
+        a, b = self.start_s + self.step_s * first, self.start_s + self.step_s * last
+        low = (int(np.searchsorted(self.marks, a)) - 1) * MARK - BESIDE
+        high = int(np.searchsorted(self.marks, b, side="right")) * MARK + BESIDE
+        return max(low, self.first_row), min(high, self.last_row)
+
+
+def survey(
+    recording: AnyRecording, start_s: float | None = None, stop_s: float | None = None
+) -> StreamGrid:
+    """Find the grid of the window of a recording by its stamps alone.
+
+    A recording that is uniform already is its own grid.
 
     Raises:
-        InputError: Stamps so irregular that the grid would be `MAX_GROWTH` times as long.
+        InputError: An empty window, or stamps so irregular that the grid would have `MAX_GROWTH`
+            times as many points as rows.
     """
-    steps = np.diff(t)
+    marks, steps, first, last, start, stop = _stamps(recording, start_s, stop_s)
+    count = last - first
     step = float(np.median(steps))
-    gaps = steps > GAP_STEPS * step
+    away, gaps, row, before = 0.0, list[tuple[float, float]](), 0, start
+    slope = (stop - start) / (count - 1)
+    for t in _blocks(recording):
+        inside = t[max(first - row, 0) : max(last - row, 0)]
+        begin = max(row - first, 0)
+        row += len(t)
+        if not len(inside):
+            continue
+        line = start + np.arange(begin, begin + len(inside)) * slope
+        away = max(away, float(np.abs(inside - line).max()))
+        ends = np.concatenate([[before], inside])
+        wide = np.flatnonzero(np.diff(ends) > GAP_STEPS * step)
+        gaps += zip(ends[wide].tolist(), ends[wide + 1].tolist(), strict=True)
+        before = float(inside[-1])
     # Stamps with few digits jitter in their last one; only the distance from the grid matters.
-    away = np.abs(t - (t[0] + np.arange(len(t)) * (t[-1] - t[0]) / (len(t) - 1)))
-    if away.max() <= UNIFORM_WITHIN * step:
-        step = float((t[-1] - t[0]) / (len(t) - 1))
-        return UniformSignals(
-            t=t, rate_hz=1.0 / step, q=q, qd=qd, torque=torque, valid=np.ones(len(t))
-        )
-    count = grid_points(float(t[0]), float(t[-1]), step, len(t))
-    grid: Array = float(t[0]) + step * np.arange(count, dtype=np.float64)
-    before = np.clip(np.searchsorted(t, grid, side="right") - 1, 0, len(t) - 2)
-    valid: Array = np.where(gaps[before], 0.0, 1.0)
-    return onto(grid, 1.0 / step, t, q, qd, torque, valid)
-
-
-def grid_points(start_s: float, stop_s: float, step_s: float, rows: int) -> int:
-    """Points of a uniform grid for some rows.
-
-    Raises:
-        InputError: More than `MAX_GROWTH` times as many points as rows.
-    """
-    count = int((stop_s - start_s) / step_s * (1 + 1e-12)) + 1
-    if count > MAX_GROWTH * rows:
+    uniform = away <= UNIFORM_WITHIN * step
+    points = count if uniform else int((stop - start) / step * (1 + 1e-12)) + 1
+    if points > MAX_GROWTH * count:
         raise InputError(
             "the time stamps are too irregular for a uniform grid",
-            value=f"{count} points for {rows} rows",
+            value=f"{points} points for {count} rows",
             next_step="Cut the recording at its gaps, or pass --rate at import.",
         )
-    return count
+    grid = StreamGrid(
+        first_row=first,
+        last_row=last,
+        start_s=start,
+        step_s=slope if uniform else step,
+        count=points,
+        uniform=uniform,
+        marks=np.array(marks),
+        gaps=(),
+    )
+    if uniform:
+        return grid
+    return replace(grid, gaps=tuple((_at(grid, a), _at(grid, b)) for a, b in gaps))
+
+
+def _at(grid: StreamGrid, time_s: float) -> int:
+    """The first point of the grid that is not before a time."""
+    near = max(int((time_s - grid.start_s) / grid.step_s) - 1, 0)
+    # Rounding: the point is one of the next few.
+    while grid.start_s + grid.step_s * near < time_s:
+        near += 1
+    return near
+
+
+def _blocks(recording: AnyRecording) -> Iterator[Array]:
+    return iter([recording.t]) if isinstance(recording, ExperimentRecord) else recording.stamps()
+
+
+def _stamps(
+    recording: AnyRecording, start_s: float | None, stop_s: float | None
+) -> tuple[list[float], Array, int, int, float, float]:
+    """Marks, steps of the window, its first row and the one behind its last, and their stamps."""
+    marks: list[float] = []
+    steps: list[Array] = []
+    every = -(-recording.samples // MOST_STEPS)
+    row = first = last = 0
+    origin = start = stop = np.nan
+    elapsed = np.zeros(1)
+    for number, t in enumerate(_blocks(recording)):
+        origin = float(t[0]) if row == 0 else origin
+        elapsed = t - origin
+        marks += t[-row % MARK :: MARK].tolist()
+        a, b = rows_between(elapsed, start_s, stop_s)
+        first += a
+        last += b
+        row += len(t)
+        if b > a:
+            if number % every == 0:
+                steps.append(np.diff(t[a:b], prepend=t[a] if np.isnan(stop) else stop))
+            start = float(t[a]) if np.isnan(start) else start
+            stop = float(t[b - 1])
+    require_window(last - first, start_s, stop_s, elapsed)
+    # The first stamp has no step before it.
+    return marks, np.concatenate(steps)[1:], first, last, start, stop
 
 
 def onto(
     grid: Array, rate_hz: float, t: Array, q: Array, qd: Array | None, torque: Array, valid: Array
 ) -> UniformSignals:
-    """Signals at stamps t (N) put onto a grid (M); see `resample` and `UniformSignals`."""
+    """Signals at stamps t (N) put onto a grid (M); see `UniformSignals`.
+
+    Positions and velocities follow a shape-preserving cubic, torques straight lines.
+    """
     return UniformSignals(
         t=grid,
         rate_hz=rate_hz,

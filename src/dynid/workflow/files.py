@@ -77,6 +77,7 @@ def identify_files(
                     next_step="Name it with --validate RECORD.",
                 )
             with _of_validation():
+                ProcessingSettings(start_s=validation_start_s, stop_s=validation_stop_s)
                 other = _window_of(records[0], validation_start_s, validation_stop_s)
             if not isinstance(records[0], ExperimentRecord):
                 validation_start_s = validation_stop_s = None
@@ -117,7 +118,7 @@ def _window_of(
     """A recording whose window can be validated: of a stored one, the window alone."""
     if isinstance(record, ExperimentRecord):
         return record
-    grid = survey(record, ProcessingSettings(start_s=start_s, stop_s=stop_s))
+    grid = survey(record, start_s, stop_s)
     if grid.last_row - grid.first_row > LONG:
         raise core.InputError(
             "the window is too long to be predicted at once",

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid import core, identification
+from dynid import core, identification, validation
 from dynid.recording import AnyRecording, ExperimentRecord, checked_records, fingerprint
 from dynid.robot import RobotModel
 from dynid.settings import IdentifySettings
@@ -24,7 +24,6 @@ from dynid.signals import (
     survey,
     uniform_signals,
 )
-from dynid.validation import ValidationResult, reproduce
 from dynid.workflow.choosing import made_from, prepare, require_cutoff, require_torques
 
 CHOOSING_ROWS = 90_000
@@ -50,7 +49,7 @@ class Looked:
     """An estimate, and the recordings that are looked at for faults."""
 
     estimate: identification.Estimate
-    training: ValidationResult
+    training: validation.ValidationResult
     records: tuple[ExperimentRecord, ...]
     window: ProcessingSettings
     """Which window of these recordings."""
@@ -76,8 +75,7 @@ def fit_long(
     tell("looking at the recordings", 0.0)
     if len({fingerprint(recording) for recording in recordings}) < len(recordings):
         raise core.InputError("a recording is given twice", value=f"{len(recordings)} recordings")
-    window = ProcessingSettings(start_s=settings.start_s, stop_s=settings.stop_s)
-    grids = [survey(recording, window) for recording in recordings]
+    grids = [survey(recording, settings.start_s, settings.stop_s) for recording in recordings]
     require_cutoff(min(grid.rate_hz for grid in grids), settings.cutoff_hz)
     pieces, origins, stretch = _subset(recordings, grids)
     for _, own in groupby(zip(origins, pieces, strict=True), key=lambda pair: pair[0]):
@@ -146,7 +144,7 @@ def fit_long(
     )
     return Looked(
         estimate=replace(estimate, settings=settled),
-        training=reproduce(estimate, looked_at),
+        training=validation.reproduce(estimate, looked_at),
         records=(looked_at,),
         window=ProcessingSettings(),
     )
