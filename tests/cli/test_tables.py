@@ -10,12 +10,14 @@ from rich.console import Console
 
 from dynid.cli.app import main
 from dynid.cli.output import count, fitting, print_table
+from dynid.core import Finding
 
 ROWS = [
     ("shoulder_pan_joint", "0.914", "1.2345e-05", "-6.283", "0.999"),
-    ("a very long name of many words", "1.09", "-", "150.0", "0.998"),
+    ("a very long name of many words", 1.09, None, 150.0, "0.998"),
 ]
-COLUMNS = ("joint", "RMS", "std", "limit [SI]", "R2")
+SHOWN = [ROWS[0], ("a very long name of many words", "1.090", "-", "150.0", "0.998")]
+COLUMNS = {"joint": None, "RMS": 4, "std": 4, "limit [SI]": 4, "R2": 4}
 
 
 @pytest.mark.parametrize("width", [20, 40, 60, 80, 200])
@@ -24,7 +26,7 @@ def test_numbers_are_never_cut(width: int) -> None:
     screen = Console(file=stream, width=width, markup=False, highlight=False)
     print_table(screen, "Title", COLUMNS, ROWS)
     text = stream.getvalue()
-    for row in ROWS:
+    for row in SHOWN:
         for cell in row[1:]:
             assert re.search(rf"(?<![\d.]){re.escape(cell)}(?![\d.])", text), (cell, text)
     for heading in COLUMNS:
@@ -41,8 +43,9 @@ def test_a_wide_terminal_holds_a_row_in_a_line() -> None:
 
 def test_as_many_findings_are_printed_as_lines_are_free() -> None:
     screen = Console(file=io.StringIO(), width=40)
-    short = {"code": "at_rest", "message": "it stands still"}
-    long = {"code": "payload", "message": "the last link carries more than was published " * 3}
+    many = "the last link carries more than was published " * 3
+    short = Finding("at_rest", "it stands still")
+    long = Finding("payload", many)
     assert [fitting(screen, [short, long, short], n) for n in (0, 1, 4, 5, 6)] == [1, 1, 1, 2, 3]
     assert fitting(screen, [long], 1) == 1
     assert fitting(screen, [], 5) == 0

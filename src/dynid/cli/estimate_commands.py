@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from dynid.workflow import Identification
 
 
-COLUMNS = ("joint", "RMS", "moving", "at rest", "rel. %", "moving %", "R2")
-
-
 def print_metrics(
     screen: Console, title: str, result: ValidationResult, prismatic: Sequence[bool]
 ) -> None:
@@ -32,11 +29,10 @@ def print_metrics(
     whole, moving, rest = result.metrics, result.moving, result.at_rest
     relative = (whole.relative_error_percent, moving.relative_error_percent)
     shown = (whole.rmse, moving.rmse, rest.rmse, *relative, whole.r2)
-    rows = [
-        (str(j + 1), *(show.number(float(values[j]), 3) for values in shown))
-        for j in range(len(whole.rmse))
-    ]
-    show.print_table(screen, f"{title}: RMS errors in {unit}", COLUMNS, rows)
+    names = ("RMS", "moving", "at rest", "rel. %", "moving %", "R2")
+    rows = list(zip(range(1, len(whole.rmse) + 1), *shown, strict=True))
+    columns = {"joint": None} | dict.fromkeys(names, 3)
+    show.print_table(screen, f"{title}: RMS errors in {unit}", columns, rows)
     for kind, (every, swift) in errors_by_kind(
         result.measured, result.predicted, result.moves, prismatic
     ).items():
@@ -100,50 +96,44 @@ def print_identification(screen: Console, result: Identification, *, everything:
     if not everything:
         shown = [finding for finding in shown if finding.severity != "info"]
         shown = sorted(shown, key=lambda finding: finding.severity != "error")
-    notices, room = [notice.to_json() for notice in shown], FINDING_LINES - len(slides)
-    told = len(notices) if everything else show.fitting(screen, notices, room)
-    show.print_notices(screen, "Findings", notices[:told])
+    room = FINDING_LINES - len(slides)
+    told = len(shown) if everything else show.fitting(screen, shown, room)
+    show.print_findings(screen, "Findings", shown[:told])
     if not everything:
         screen.print()
         more = len(result.warnings) - told
         rest = f", {show.count(more, 'more finding')}" if more > 0 else ""
-        if told < len(notices):
-            rest += f", {len(notices) - told} to look at before use"
+        if told < len(shown):
+            rest += f", {len(shown) - told} to look at before use"
         screen.print(f"--all also prints parameters, deviations, choices{rest}")
 
 
 def _print_parameters(screen: Console, result: Identification) -> None:
     """Base parameters, and consistent standard ones where the estimator finds them."""
-    columns = ("combination", "value", "std", "std %", "unit", "")
+    columns = {"combination": None, "value": 4, "std": 2, "std %": 3, "unit": None, "": None}
+    keys = ("expression", "value", "std", "relative_std_percent", "unit")
     rows = [
-        (
-            row["expression"],
-            show.number(row["value"]),
-            show.number(row["std"], 2),
-            show.number(row["relative_std_percent"], 3),
-            row["unit"],
-            "" if row["essential"] else "not essential",
-        )
+        (*map(row.get, keys), "" if row["essential"] else "not essential")
         for row in result.estimate.parameter_table()
     ]
-    show.print_table(screen, "Base parameters", columns, rows, words=(0, 4, 5))
+    show.print_table(screen, "Base parameters", columns, rows)
     table = result.estimate.standard_table()
     if table is None:
         return
-    columns = ("name", "value", "std", "prior", "unit", "from")
+    columns = {"name": None, "value": 4, "std": 2, "prior": 4, "unit": None, "from": None}
     rows = [
         (
             row["name"],
-            show.number(row["value"]),
-            show.number(row["std"], 2) if row["from"] == "data" else "",
-            "" if row["prior"] is None else show.number(row["prior"]),
+            row["value"],
+            row["std"] if row["from"] == "data" else "",
+            "" if row["prior"] is None else row["prior"],
             row["unit"],
             row["from"],
         )
         for row in table
     ]
     title = "Standard parameters, physically consistent (from: mostly data or mostly the prior)"
-    show.print_table(screen, title, columns, rows, words=(0, 4, 5))
+    show.print_table(screen, title, columns, rows)
 
 
 AllFlag = Annotated[bool, ask.flag("--all", "Print all parameters, choices and findings.")]
@@ -332,11 +322,7 @@ def validate_command(
         show.print_table(
             screen,
             f"Error by cause: RMS in {joint_unit('N.m', slides)}",
-            ("joint", *CAUSES, "rest"),
-            [
-                (str(j + 1), *(show.number(x, 3) for x in (*split.rms[:, j], split.rest[j])))
-                for j in range(len(split.rest))
-            ],
-            words=(0,),
+            {"joint": None} | dict.fromkeys((*CAUSES, "rest"), 3),
+            [(j + 1, *split.rms[:, j], split.rest[j]) for j in range(len(split.rest))],
         )
-    show.print_notices(screen, "Findings", [notice.to_json() for notice in result.warnings])
+    show.print_findings(screen, "Findings", result.warnings)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 def _print_certificate(screen: Console, data: Mapping[str, Any]) -> None:
     """Print the margins of a certificate's JSON, and where each is smallest."""
-    rows: list[tuple[str, ...]] = []
+    rows: list[tuple[Any, ...]] = []
     reasons: dict[tuple[str, str], list[str]] = {}
     for item in data["unjudged"]:
         reasons.setdefault((item["message"], item["next_step"]), []).append(item["kind"])
@@ -47,7 +47,7 @@ def _print_certificate(screen: Console, data: Mapping[str, Any]) -> None:
                 kind.replace("_", " "),
                 left,
                 f"{1000 * least:.3g} mm" if key.endswith("_m") else f"{100 * least:.3g} %",
-                show.number(worst["limit"]),
+                worst["limit"],
                 "-" if time is None else f"{time:.2f}",
                 str(worst.get("joint") or worst.get("bodies") or ""),
             )
@@ -55,9 +55,8 @@ def _print_certificate(screen: Console, data: Mapping[str, Any]) -> None:
     show.print_table(
         screen,
         "Remaining margin of each limit",
-        ("limit", "left", "asked", "limit [SI]", "at [s]", "where"),
+        {"limit": None, "left": 4, "asked": 4, "limit [SI]": 4, "at [s]": 4, "where": None},
         rows,
-        words=(0, 5),
     )
     if nothing:
         screen.print(f"No limit, nothing to meet, or not asked for: {', '.join(nothing)}")
@@ -341,8 +340,8 @@ def import_command(
         screen.print(f"dropped rows: {data['dropped_rows']}")
     if data["notes"]:
         screen.print(f"notes: {data['notes']}")
-    show.print_notices(screen, "Findings", data["findings"])
-    if not data["findings"]:
+    show.print_findings(screen, "Findings", imported.record.problems)
+    if not imported.record.problems:
         screen.print("no problems found")
     for need in data["needs"]:
         screen.print(f"dynid identify needs more: {need}", style="bold")

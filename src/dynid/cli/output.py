@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dynid.core import InputError, require_absent
+from dynid.core import Finding, InputError, require_absent
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -48,24 +48,23 @@ def console(*, stderr: bool = False) -> Console:
 
 
 def print_table(
-    screen: Console,
-    title: str,
-    columns: Sequence[str],
-    rows: Iterable[Sequence[str]],
-    *,
-    words: Iterable[int] = (0,),
+    screen: Console, title: str, columns: Mapping[str, int | None], rows: Iterable[Iterable[Any]]
 ) -> None:
-    """Print a table below a title; columns that are not of words hold numbers, which never wrap."""
+    """Print a table below a title.
+
+    Columns have so many digits, and never wrap; those of words have None. In both, text stays.
+    """
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    for k, name in enumerate(columns):
-        word = k in words
-        table.add_column(
-            name, justify="left" if word else "right", overflow="fold", no_wrap=not word
-        )
+    for name, digits in columns.items():
+        justify = "left" if digits is None else "right"
+        table.add_column(name, justify=justify, overflow="fold", no_wrap=digits is not None)
     for row in rows:
-        table.add_row(*row)
+        cells = zip(row, columns.values(), strict=True)
+        table.add_row(
+            *(str(x) if n is None or isinstance(x, str) else number(x, n) for x, n in cells)
+        )
     screen.print()
     screen.print(title, style="bold")
     # Cells that do not fit are cut by rich, digits first: rather a line that the terminal wraps.
@@ -88,28 +87,27 @@ def _least_width(column: Column, screen: Console) -> int:
     return min(max(cell.minimum for cell in cells), LONGEST_WORD)
 
 
-def print_notices(screen: Console, title: str, notices: Iterable[Mapping[str, str]]) -> None:
+def print_findings(screen: Console, title: str, findings: Sequence[Finding]) -> None:
     """Print findings in words, each with its code; nothing where there are none."""
-    found = list(notices)
-    if not found:
+    if not findings:
         return
     screen.print()
     screen.print(title, style="bold")
-    for notice in found:
-        screen.print(_line(notice))
+    for finding in findings:
+        screen.print(_line(finding))
 
 
-def _line(notice: Mapping[str, str]) -> str:
-    return f"- {notice['code']}: {notice['message']}."
+def _line(finding: Finding) -> str:
+    return f"- {finding.code}: {finding.message}."
 
 
-def fitting(screen: Console, notices: Sequence[Mapping[str, str]], lines: int) -> int:
+def fitting(screen: Console, findings: Sequence[Finding], lines: int) -> int:
     """How many of the first findings fit into so many lines; at least one."""
     from rich.text import Text
 
-    taken = [len(Text(_line(notice)).wrap(screen, screen.width)) for notice in notices]
+    taken = [len(Text(_line(told)).wrap(screen, screen.width)) for told in findings]
     ends = itertools.accumulate(taken)
-    return max(sum(end <= lines for end in ends), min(len(notices), 1))
+    return max(sum(end <= lines for end in ends), min(len(findings), 1))
 
 
 def number(value: float | None, digits: int = 4) -> str:

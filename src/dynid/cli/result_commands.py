@@ -82,7 +82,7 @@ def export_command(
         )
         if result.left_out and result.model.presliding is not None:
             screen.print(f"That is without presliding: {AFTER_REVERSALS}.")
-    show.print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
+    show.print_findings(screen, "Warnings", result.warnings)
 
 
 @ask.command(
@@ -180,7 +180,7 @@ def fleet_command(
     )
     notices = sorted(found.findings, key=lambda told: not told.joints)
     most = len(notices) + len(found.skipped) if everything else _MOST_LINES
-    show.print_notices(screen, "Findings", [told.to_json() for told in notices[:most]])
+    show.print_findings(screen, "Findings", notices[:most])
     for name, why in found.skipped[:most]:
         screen.print(f"- left out {name}: {why}", soft_wrap=True)
     hidden = len(notices[most:]) + len(found.skipped[most:])
@@ -258,24 +258,14 @@ def _estimators(
     if json:
         show.print_json(to_json(trials))
         return
-    rows = [
-        (
-            row["scenario"],
-            row["estimator"],
-            show.number(row["d_beta"], 3),
-            show.number(row["d_tau_percent"], 3),
-            show.number(row["d_q_percent"], 3),
-            show.number(row["seconds"], 2),
-            str(row["failures"] or ""),
-        )
-        for row in sorted(summary(trials), key=lambda row: row["scenario"])
-    ]
+    keys = ("scenario", "estimator", "d_beta", "d_tau_percent", "d_q_percent", "seconds")
+    rows = sorted(summary(trials), key=lambda row: row["scenario"])
     show.print_table(
         show.console(),
         f"Means over {show.count(seeds, 'seed')} (d_beta: 0 to 2; errors on another motion)",
-        ("scenario", "estimator", "d_beta", "d_tau %", "d_q %", "s", "failed"),
-        rows,
-        words=(0, 1),
+        {"scenario": None, "estimator": None, "d_beta": 3, "d_tau %": 3, "d_q %": 3, "s": 2}
+        | {"failed": 1},
+        [[*(row[key] for key in keys), row["failures"] or ""] for row in rows],
     )
 
 
@@ -357,16 +347,8 @@ def demo_command(
     show.print_table(
         screen,
         "The paper's UR5 beside the simulated UR5",
-        ("quantity", "unit", "paper", "preset paper", "preset best"),
-        [
-            (
-                row.quantity,
-                row.unit,
-                *map(show.number, (row.paper, row.preset_paper, row.preset_best)),
-            )
-            for row in rows
-        ],
-        words=(0, 1),
+        {"quantity": None, "unit": None, "paper": 4, "preset paper": 4, "preset best": 4},
+        [(row.quantity, row.unit, row.paper, row.preset_paper, row.preset_best) for row in rows],
     )
     for row in rows:
         if row.note:
@@ -378,9 +360,7 @@ def demo_command(
     screen.print("\nChoices of preset best", style="bold")
     for choice in demo.best.estimate.choices:
         screen.print(f"- {choice}")
-    show.print_notices(
-        screen, "Warnings of preset best", [notice.to_json() for notice in demo.best.warnings]
-    )
+    show.print_findings(screen, "Warnings of preset best", demo.best.warnings)
     screen.print(f"\nFiles, after {demo.wall_s:.0f} s", style="bold")
     for path in demo.files:
         screen.print(f"- {path}", soft_wrap=True)

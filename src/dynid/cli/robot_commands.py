@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,6 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from dynid.validation import ParameterComparison
+    from dynid.workflow import Analysis
 
 
 @ask.command("dynid robots", "dynid robots --json")
@@ -29,10 +29,9 @@ def robots_command(json: ask.JsonFlag = False) -> None:
     show.print_table(
         screen,
         "Built-in robots",
-        ("name", "joints", "arm"),
+        dict.fromkeys(("name", "joints", "arm")),
         # The first part of the source names the arm.
-        [(robot.name, str(robot.joints), robot.source.split("; ", 1)[0]) for robot in found],
-        words=range(3),
+        [(robot.name, robot.joints, robot.source.split("; ", 1)[0]) for robot in found],
     )
     screen.print("\nWhere each number is from: dynid robots --json")
     screen.print("Any other arm: give a URDF or a robot file (TOML) in the place of the name.")
@@ -74,7 +73,7 @@ def analyze_command(
     if json:
         show.print_json(result.to_json())
     else:
-        _show(result.to_json(), everything)
+        _show(result, everything)
 
 
 MOST_ROWS = 18
@@ -83,8 +82,8 @@ MOST_CHANGES, MOST_LETTERS = 15, 28
 """Changes of `dynid compare` that are printed unasked, and letters of a combination there."""
 
 
-def _show(data: Mapping[str, Any], everything: bool) -> None:
-    screen = show.console()
+def _show(result: Analysis, everything: bool) -> None:
+    data, screen = result.to_json(), show.console()
     screen.print(
         f"{data['robot']}: {data['standard_parameters']} standard parameters, "
         f"{data['base_parameters']} base parameters",
@@ -106,14 +105,14 @@ def _show(data: Mapping[str, Any], everything: bool) -> None:
         rows = [row for row in rows if row[0] not in alone]
     shown = rows if everything else [(_shortened(e), unit) for e, unit in rows[:MOST_ROWS]]
     title = "Base parameters" if everything else f"Identifiable in combination ({len(rows)})"
-    show.print_table(screen, title, ("combination", "unit"), shown, words=range(2))
+    show.print_table(screen, title, {"combination": None, "unit": None}, shown)
     if not everything:
         screen.print("--all prints every combination in full")
     screen.print()
     screen.print("Not identifiable: " + (", ".join(data["unidentifiable_names"]) or "none"))
     for note in data["notes"]:
         screen.print(f"- {note}.")
-    show.print_notices(screen, "Warnings", data["findings"])
+    show.print_findings(screen, "Warnings", result.warnings)
 
 
 def _shortened(expression: str, longest: int = 62) -> str:
@@ -143,21 +142,16 @@ def gains_command(
         return
     screen = show.console()
     rows = [
-        (
-            row["joint"],
-            *(show.number(row[key]) for key in ("gain", "std")),
-            show.number(float(model.drives.gain[j])),
-            show.number(row["r2"], 6),
-        )
-        for j, row in enumerate(data["gains"])
+        (row["joint"], row["gain"], row["std"], known, row["r2"])
+        for row, known in zip(data["gains"], model.drives.gain, strict=True)
     ]
-    columns = ("joint", "gain", "std", "robot's", "r2")
+    columns = {"joint": None, "gain": 4, "std": 4, "robot's": 4, "r2": 6}
     unit = joint_unit("N.m/A", model.prismatic)
     show.print_table(screen, f"Drive gains [{unit}]", columns, rows)
     if all(row["gain"] is not None for row in data["gains"]):
         screen.print()
         screen.print("--gains " + ",".join(f"{row['gain']:.4f}" for row in data["gains"]))
-    show.print_notices(screen, "Warnings", data["findings"])
+    show.print_findings(screen, "Warnings", found.warnings)
 
 
 @ask.command(
@@ -190,22 +184,20 @@ def payload_command(
     if found.mass < half:
         most = found.mass + half
         screen.print(f"No significant payload: below {most:.2g} kg (95 %)", style="bold")
-        show.print_notices(screen, "Findings", data["findings"])
+        show.print_findings(screen, "Findings", found.warnings)
         return
     screen.print(f"Payload: {found.mass:.4g} kg ± {half:.2g} kg (95 %)", style="bold")
     rows = [
-        (f"centre {axis}", "m", show.number(float(place)), show.number(width * float(std)))
+        (f"centre {axis}", "m", place, width * std)
         for axis, place, std in zip("xyz", found.centre, found.centre_std, strict=True)
     ]
     rows += [
-        (row["name"], row["unit"], show.number(row["value"]), show.number(width * row["std"]))
+        (row["name"], row["unit"], row["value"], width * row["std"])
         for row in data["parameters"][4:]
     ]
-    columns = ("quantity", "unit", "value", "± (95 %)")
-    show.print_table(
-        screen, "In the flange frame, tensor about its origin", columns, rows, words=(0, 1)
-    )
-    show.print_notices(screen, "Findings", data["findings"])
+    columns = {"quantity": None, "unit": None, "value": 4, "± (95 %)": 4}
+    show.print_table(screen, "In the flange frame, tensor about its origin", columns, rows)
+    show.print_findings(screen, "Findings", found.warnings)
 
 
 @ask.command(
@@ -254,33 +246,33 @@ def gravity_command(
     rows = [
         (
             name,
-            show.number(float(found.left_out[j]), 3),
-            "-" if given is None else show.number(float(given[j]), 3),
+            found.left_out[j],
+            None if given is None else given[j],
             f"{show.number(float(found.band[j]), 3)} ± {show.number(float(found.band_std[j]), 1)}",
         )
         for j, name in enumerate(model.joint_names)
     ]
-    columns = ("joint", "left out", "published", "band (95 %)")
+    columns = {"joint": None, "left out": 3, "published": 3, "band (95 %)": 3}
     show.print_table(screen, f"RMS errors at poses left out, stiction band [{unit}]", columns, rows)
     rows = [
         (
             row["expression"] if everything else _shortened(row["expression"]),
-            show.number(row["value"]),
-            show.number(row["std"], 2),
+            row["value"],
+            row["std"],
             row["unit"],
             prior if row["from_prior"] else "poses",
         )
         for row in data["parameters"]
     ]
-    columns = ("combination", "value", "std", "unit", "from")
-    show.print_table(screen, "Gravity parameters", columns, rows, words=(0, 3, 4))
+    columns = {"combination": None, "value": 4, "std": 2, "unit": None, "from": None}
+    show.print_table(screen, "Gravity parameters", columns, rows)
     screen.print()
     masses = [name for name in data["unseen"] if name.startswith("m")]
     screen.print(
         "Not identifiable at rest: inertia tensors, motor inertias, friction while moving, "
         + ", ".join(masses)
     )
-    show.print_notices(screen, "Findings", data["findings"])
+    show.print_findings(screen, "Findings", findings)
 
 
 @ask.command("dynid compare cold.json warm.json", "dynid compare a.json b.json --json")
@@ -306,35 +298,34 @@ def _print_comparison(screen: Console, comparison: ParameterComparison, everythi
         (
             group.name,
             "moved" if group.moved else "did not move",
-            str(len(group.members)),
-            show.number(group.median_change_percent, 3),
+            len(group.members),
+            group.median_change_percent,
             "-" if group.largest is None else called[group.largest],
-            show.number(group.largest_z, 3),
-            show.number(group.limit_z, 3),
+            group.largest_z,
+            group.limit_z,
         )
         for group in comparison.groups
     ]
-    columns = ("group", "", "number", "median %", "largest", "|z|", "limit")
-    show.print_table(
-        screen, "Groups, z = change in standard deviations", columns, groups, words=(0, 1, 4)
-    )
+    columns = {"group": None, "": None, "number": 3, "median %": 3, "largest": None}
+    columns |= {"|z|": 3, "limit": 3}
+    show.print_table(screen, "Groups, z = change in standard deviations", columns, groups)
     size = [abs(float(z)) for z in comparison.z]
     order = range(len(size)) if everything else sorted(range(len(size)), key=lambda k: -size[k])
     rows = [
         (
             comparison.expressions[k] if everything else called[k],
             comparison.units[k],
-            show.number(float(comparison.a[k])),
-            show.number(float(comparison.b[k])),
-            show.number(float(comparison.change_percent[k]), 3),
-            show.number(float(comparison.z[k]), 3),
+            comparison.a[k],
+            comparison.b[k],
+            comparison.change_percent[k],
+            comparison.z[k],
         )
         for k in order
     ]
-    columns = ("parameter", "unit", "A", "B", "change %", "z")
+    columns = {"parameter": None, "unit": None, "A": 4, "B": 4, "change %": 3, "z": 3}
     title = "Base parameters" if everything else "Largest changes"
     shown = rows if everything else rows[:MOST_CHANGES]
-    show.print_table(screen, title, columns, shown, words=(0, 1))
+    show.print_table(screen, title, columns, shown)
     if not everything:
         screen.print(f"--all prints all {len(rows)} base parameters in full")
-    show.print_notices(screen, "Findings", [notice.to_json() for notice in comparison.warnings])
+    show.print_findings(screen, "Findings", comparison.warnings)
