@@ -20,7 +20,7 @@ import pytest
 from controllers import Observer
 from gentle_motion import write_gentle
 
-from dynid.drivers.ur.driver import WATCHDOG_HZ
+from dynid.drivers.driver import WATCHDOG_HZ
 from dynid.drivers.ur.link import SILENCE_S
 from dynid.recording import read_record
 from urtwin import RunningController, controller_process, own_address

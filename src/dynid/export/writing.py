@@ -10,20 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import (
-    Array,
-    DynidError,
-    Finding,
-    InputError,
-    JobError,
-    JsonFields,
-    Value,
-    in_one_piece,
-    read_only,
-    told,
-)
-from dynid.export import robot_xml, verification
-from dynid.export.completion import Completion
+from dynid import core, reduction, regressor
+from dynid.export import completion, robot_xml, verification
 from dynid.export.generated_code import c_code, c_prefix, python_code
 from dynid.export.model import (
     ExportModel,
@@ -34,8 +22,6 @@ from dynid.export.model import (
 )
 from dynid.export.robot_xml import left_out, own_urdf_text, stand_in_words
 from dynid.identification import Estimate, EstimateLike, open_estimate
-from dynid.reduction import random_states
-from dynid.regressor import ripples_from_json
 from dynid.robot import PARAMETERS, robot_from_json, robot_to_json
 
 FORMAT = "dynid-model"
@@ -104,7 +90,7 @@ def model_from_json(data: Mapping[str, Any]) -> ExportModel:
         shares=np.array([one["turns_per_joint_turn"] for one in motors]).reshape(-1, robot.joints),
         motors=tuple(one["motor"] - 1 for one in motors),
         load=None if load is None else _rows(load),
-        ripples=ripples_from_json(JsonFields(data)),
+        ripples=regressor.ripples_from_json(core.JsonFields(data)),
         presliding=np.array(data["presliding"]) if "presliding" in data else None,
         physical=data["physical"],
         worst=data["worst"],
@@ -112,14 +98,14 @@ def model_from_json(data: Mapping[str, Any]) -> ExportModel:
     )
 
 
-def _links(model: ExportModel, rows: Array) -> list[dict[str, Any]]:
+def _links(model: ExportModel, rows: core.Array) -> list[dict[str, Any]]:
     return [
         {"joint": name, **dict(zip(PARAMETERS, row, strict=True))}
         for name, row in zip(model.robot.joint_names, rows.tolist(), strict=True)
     ]
 
 
-def _rows(links: list[Mapping[str, Any]]) -> Array:
+def _rows(links: list[Mapping[str, Any]]) -> core.Array:
     return np.array([[float(link[name]) for name in PARAMETERS] for link in links])
 
 
@@ -142,7 +128,7 @@ class FileFormat:
     """What such files are called; the first is what loaders want."""
     text: Callable[[ExportModel, str], str]
     """From the model and where it comes from."""
-    torque: Callable[[ExportModel, Path, verification.States], tuple[Array | None, str]]
+    torque: Callable[[ExportModel, Path, verification.States], tuple[core.Array | None, str]]
     """What another program makes of the file, as `our_torque`, and its name; None without one."""
     held: tuple[str, ...] | None = None
     """Terms beside the inertias that it has a place for; None for all."""
@@ -157,7 +143,7 @@ def _json_text(model: ExportModel, note: str) -> str:
 
 def _json_torque(
     _: ExportModel, path: Path, states: verification.States
-) -> tuple[Array | None, str]:
+) -> tuple[core.Array | None, str]:
     # Read back from the file, and evaluated by code that has only the file's numbers.
     read = model_from_json(json.loads(path.read_text(encoding="utf-8")))
     code = path.with_suffix(".py")
@@ -202,7 +188,7 @@ FORMATS = tuple(_FORMATS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExportedFile(Value):
+class ExportedFile(core.Value):
     """What was written."""
 
     path: Path
@@ -217,12 +203,12 @@ class ExportedFile(Value):
     """What another program made of it."""
     left_out: tuple[str, ...]
     """What the identified model has and the file has no place for, in words."""
-    left_out_rms: Array
+    left_out_rms: core.Array
     """(n) RMS of what that makes of the predicted torques, over states drawn from the recorded
     range, joints sliding [N.m or N]."""
     friction: NearestFriction | None = None
     """Coulomb and viscous friction of a file that has a place for no other."""
-    warnings: tuple[Finding, ...] = ()
+    warnings: tuple[core.Finding, ...] = ()
     """What must be known about it."""
 
     def to_json(self) -> dict[str, Any]:
@@ -236,7 +222,7 @@ class ExportedFile(Value):
             "standard_parameters": self.model.origin,
             "left_out": list(self.left_out),
             "left_out_rms": self.left_out_rms.tolist(),
-            **told(self.warnings),
+            **core.told(self.warnings),
         }
 
 
@@ -250,7 +236,7 @@ def check_suffix(to: str, output: Path) -> None:
     """
     suffix, own = output.suffix.lower(), _FORMATS[to].endings if to in _FORMATS else ()
     if own and suffix not in own and any(suffix in kind.endings for kind in _FORMATS.values()):
-        raise InputError(
+        raise core.InputError(
             f"the name is of another format than {to}",
             where="-o",
             value=str(output),
@@ -286,17 +272,19 @@ def write_model(
         path, to = to, str(path)
     estimate = open_estimate(estimate)
     if to not in FORMATS:
-        raise InputError("unknown format", value=to, limit=", ".join(FORMATS))
+        raise core.InputError("unknown format", value=to, limit=", ".join(FORMATS))
     path = Path(path)
     model, completed = completed_model(estimate)
     kind = _FORMATS[to]
     if urdf is not None and to != "urdf":
-        raise InputError("only a URDF can be a copy of one", where="--urdf", value=to, limit="urdf")
+        raise core.InputError(
+            "only a URDF can be a copy of one", where="--urdf", value=to, limit="urdf"
+        )
     # One that is asked for must be there.
     file = Path(urdf or model.robot.urdf)
     own = file if urdf is not None or (model.robot.urdf and file.is_file()) else None
     if own is not None and own.is_file() and path.exists() and own.samefile(path):
-        raise InputError(
+        raise core.InputError(
             "the model would overwrite the robot's own URDF, which recordings go by",
             where=str(path),
             next_step="Name another file.",
@@ -304,7 +292,7 @@ def write_model(
     source = own if to == "urdf" else None
     if source is not None:
         kind = replace(kind, text=partial(own_urdf_text, source, path), torque=_copy_torque)
-    states = random_states(model.robot, verification.STATES, seed=0)
+    states = reduction.random_states(model.robot, verification.STATES, seed=0)
     if kind.held is None and model.presliding is not None:
         # Half of them a few displacements apart: there, friction depends on those before.
         over = np.where(model.presliding > 0, model.presliding, 1.0)
@@ -324,12 +312,12 @@ def write_model(
     remarks += [f"Standard parameters: {model.origin}.", *stand_in_words(friction)]
     text = kind.text(model, "\n".join(remarks).strip())
     # The draft ends as the format wants it: loaders look at the suffix.
-    with in_one_piece(path, kind.endings[0]) as part:
+    with core.in_one_piece(path, kind.endings[0]) as part:
         part.write_text(text, encoding="utf-8")
         theirs, loader = kind.torque(model, part, states)
         verified = _compared(kind, ours, theirs, loader, completed.values[: 10 * model.joints])
         if verified.max_torque_difference is not None and not verified.passed:
-            raise JobError(
+            raise core.JobError(
                 "the file's torques differ from ours",
                 where=str(path),
                 value=verified.max_torque_difference,
@@ -354,17 +342,17 @@ def write_model(
 
 def _copy_torque(
     model: ExportModel, path: Path, states: verification.States
-) -> tuple[Array | None, str]:
+) -> tuple[core.Array | None, str]:
     robot = model.robot
     return verification.urdf_torque(path, states, robot.gravity, robot.joint_names, robot.locked)
 
 
 def _gap(
     estimate: Estimate,
-    completed: Completion,
+    completed: completion.Completion,
     held: tuple[str, ...] | None,
     friction: NearestFriction | None,
-) -> Array:
+) -> core.Array:
     """(n) RMS difference of a file's torques and the predicted ones over the recorded range.
 
     Beside what the file has no place for: of a geometry off nominal, no bodies have exactly the
@@ -373,7 +361,7 @@ def _gap(
     states = recorded_range(estimate)
     ours = verification.our_torque(estimate, completed, states, held, friction)
     theirs = estimate.predict(*states)
-    return read_only(np.sqrt(np.square(ours[:, : theirs.shape[1]] - theirs).mean(axis=0)))
+    return core.read_only(np.sqrt(np.square(ours[:, : theirs.shape[1]] - theirs).mean(axis=0)))
 
 
 AFTER_REVERSALS = "friction that builds up after reversals comes on top, up to twice Coulomb's"
@@ -381,8 +369,8 @@ AFTER_REVERSALS = "friction that builds up after reversals comes on top, up to t
 
 
 def _warnings(
-    to: str, model: ExportModel, missing: tuple[tuple[str, ...], Array], known: Estimate
-) -> tuple[Finding, ...]:
+    to: str, model: ExportModel, missing: tuple[tuple[str, ...], core.Array], known: Estimate
+) -> tuple[core.Finding, ...]:
     noise, (words, gap) = known.noise, missing
     found = [
         finding
@@ -393,7 +381,7 @@ def _warnings(
     ]
     if not model.physical:
         found.append(
-            Finding(
+            core.Finding(
                 "not_physical",
                 "no physically consistent links have the identified base parameters"
                 f" ({model.worst}): torques are right, but single masses and inertias have no"
@@ -412,7 +400,7 @@ def _warnings(
         )
         if words and known.model.friction.presliding:
             text += f"; {AFTER_REVERSALS}"
-        found.append(Finding("extrapolated", text, joints=tuple(map(int, over))))
+        found.append(core.Finding("extrapolated", text, joints=tuple(map(int, over))))
     return tuple(found)
 
 
@@ -425,13 +413,13 @@ def simulator_obstacle(estimate: Estimate) -> str:
     try:
         model, completed = completed_model(estimate)
         robot_xml.mjcf_text(nearest_friction(estimate, completed, model).put_into(model))
-    except DynidError as error:
+    except core.DynidError as error:
         return f"{error.what}. {error.next_step or ''}".rstrip(". ")
     return ""
 
 
 def _compared(
-    kind: FileFormat, ours: Array, theirs: Array | None, loader: str, bodies: Array
+    kind: FileFormat, ours: core.Array, theirs: core.Array | None, loader: str, bodies: core.Array
 ) -> verification.Verification:
     # Weights of impossible bodies cancel in the torques; their rounding errors do not. Nor do those
     # of tensors moved to distant centres of mass, m c^2.
@@ -440,7 +428,7 @@ def _compared(
     moved = np.square(links[:, 1:4]).sum(axis=1) / np.maximum(np.abs(links[:, 0]), _NO_MASS)
     tolerance = kind.tolerance * max(1.0, largest / _LARGE) + _ROUNDED * float(moved.max())
     if theirs is not None and theirs.shape != ours.shape:
-        raise JobError("the file has other joints", value=theirs.shape, limit=ours.shape)
+        raise core.JobError("the file has other joints", value=theirs.shape, limit=ours.shape)
     worst = None if theirs is None else float(np.abs(theirs - ours).max())
     return verification.Verification(
         max_torque_difference=worst, tolerance=tolerance, loaded_with=loader

@@ -7,11 +7,8 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, Finding, Indices, Provenance
-from dynid.identification import least_squares, statistics
-from dynid.identification.bayesian import BayesianRegression, symbol_of
+from dynid.identification import bayesian, instrumental, least_squares, physical, statistics
 from dynid.identification.estimate import Estimate, StandardParameters
-from dynid.identification.instrumental import InstrumentalVariables, MaximumLikelihood, OutputError
-from dynid.identification.physical import PhysicallyConsistent
 from dynid.identification.problem import (
     ILL_CONDITIONED,
     IdentificationProblem,
@@ -129,7 +126,7 @@ def not_physical(estimate: Estimate, samples: Samples) -> Iterator[Finding]:
         for name, value, std, unit in zip(
             estimate.names, estimate.values, estimate.std, estimate.units, strict=True
         )
-        if symbol_of(name) in ("Fc", "Fv", "Im") and value < -CERTAIN * std
+        if bayesian.symbol_of(name) in ("Fc", "Fv", "Im") and value < -CERTAIN * std
     ]
     advice = (
         "do not simulate or invert this model; --estimator sdp fits physically consistent bodies"
@@ -137,7 +134,7 @@ def not_physical(estimate: Estimate, samples: Samples) -> Iterator[Finding]:
     if found:
         text = f"significantly negative: {', '.join(found)}"
         yield Finding("negative_friction", text, next_step=advice)
-    steps = [k for k, name in enumerate(estimate.names) if symbol_of(name) == "Fc"]
+    steps = [k for k, name in enumerate(estimate.names) if bayesian.symbol_of(name) == "Fc"]
     negative = [k for k in steps if estimate.values[k] < -CERTAIN * estimate.std[k]]
     if 2 * len(negative) > len(steps):
         joints = tuple(int(estimate.names[k][2:]) - 1 for k in negative)
@@ -184,11 +181,11 @@ _MAKERS: dict[str, Callable[[float | None], least_squares.Estimator]] = {
     "wls": lambda gain: least_squares.WeightedLeastSquares(prior_gain=gain),
     "irls": lambda gain: least_squares.HuberRegression(prior_gain=gain),
     "tls": lambda _: least_squares.TotalLeastSquares(),
-    "iv": lambda gain: InstrumentalVariables(prior_gain=gain),
-    "ml": lambda gain: MaximumLikelihood(prior_gain=gain),
-    "didim": lambda gain: OutputError(prior_gain=gain),
-    "sdp": lambda gain: PhysicallyConsistent(prior_gain=gain),
-    "bayes": lambda _: BayesianRegression(),
+    "iv": lambda gain: instrumental.InstrumentalVariables(prior_gain=gain),
+    "ml": lambda gain: instrumental.MaximumLikelihood(prior_gain=gain),
+    "didim": lambda gain: instrumental.OutputError(prior_gain=gain),
+    "sdp": lambda gain: physical.PhysicallyConsistent(prior_gain=gain),
+    "bayes": lambda _: bayesian.BayesianRegression(),
     "rls": lambda _: least_squares.RecursiveLeastSquares(),
 }
 ESTIMATORS = tuple(_MAKERS)

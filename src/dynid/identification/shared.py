@@ -12,10 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, Indices, InputError, Value, inverse_upper, upper_triangle
-from dynid.identification import least_squares, statistics
-from dynid.identification.bayesian import symbol_of
+from dynid.identification import bayesian, fitting, least_squares, statistics
 from dynid.identification.estimate import Estimate
-from dynid.identification.fitting import EstimateSource, judged
 from dynid.identification.problem import IdentificationProblem, triangles
 from dynid.reduction import BaseParametrization
 from dynid.signals import find_period
@@ -34,7 +32,7 @@ def friction_parameters(base: BaseParametrization | Estimate) -> tuple[int, ...]
     return tuple(
         k
         for k, (column, name) in enumerate(zip(base.independent, base.names, strict=True))
-        if column >= links and symbol_of(name) not in INERTIAS
+        if column >= links and bayesian.symbol_of(name) not in INERTIAS
     )
 
 
@@ -343,7 +341,7 @@ def friction_order(base: BaseParametrization | Estimate, records: int, c: list[i
 
 
 def shared_estimates(
-    problem: SharedProblem, fit: SharedFit, source: EstimateSource
+    problem: SharedProblem, fit: SharedFit, source: fitting.EstimateSource
 ) -> tuple[Estimate, ...]:
     """One estimate a record, all with the same inertias."""
     flat = np.concatenate([fit.solution.own.ravel(), fit.solution.shared])
@@ -362,7 +360,7 @@ def shared_estimates(
             information=root[-rank:, -rank:],
         )
         found.append(
-            judged(
+            fitting.judged(
                 item,
                 plain,
                 replace(source, records=[record], choices=words),

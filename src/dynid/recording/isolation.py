@@ -25,17 +25,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dynid.core import (
-    DynidError,
-    InputError,
-    JobError,
-    JsonFields,
-    MissingExtraError,
-    RecordError,
-    UnclearRecordError,
-    finding_from_json,
-    in_words,
-)
+from dynid import core
 from dynid.recording.content import Budget
 from dynid.recording.record import ExperimentRecord, metadata_to_json
 from dynid.recording.table import RawTable, ReadOptions
@@ -43,9 +33,15 @@ from dynid.recording.table import RawTable, ReadOptions
 Read = RawTable | ExperimentRecord
 """What files hold: a table to be repaired, or an own recording, which is complete."""
 Reader = Callable[[list[Path], ReadOptions, Budget], Read]
-_ERRORS: dict[str, type[DynidError]] = {
+_ERRORS: dict[str, type[core.DynidError]] = {
     kind.__name__: kind
-    for kind in (InputError, JobError, MissingExtraError, RecordError, UnclearRecordError)
+    for kind in (
+        core.InputError,
+        core.JobError,
+        core.MissingExtraError,
+        core.RecordError,
+        core.UnclearRecordError,
+    )
 }
 _LOOK_S = 0.25
 """Between two looks at the CPU time."""
@@ -92,7 +88,7 @@ class _Worker:
             return None
         answer = json.loads(head)
         if "error" in answer:
-            kind = _ERRORS.get(answer.pop("error"), RecordError)
+            kind = _ERRORS.get(answer.pop("error"), core.RecordError)
             raise kind(answer.pop("what"), **answer)
         return _unpack(answer, stdout)
 
@@ -131,7 +127,7 @@ def read_isolated(files: Sequence[Path], options: ReadOptions) -> Read:
         worker = _current()
         try:
             answer = worker.ask(request)
-        except DynidError:
+        except core.DynidError:
             raise
         except BaseException:
             # Half an answer may be in the pipe.
@@ -141,13 +137,13 @@ def read_isolated(files: Sequence[Path], options: ReadOptions) -> Read:
             return answer
         status = _drop()
     if status == -signal.SIGXCPU:
-        raise RecordError(
+        raise core.RecordError(
             "reading takes too long for a file of this size",
             where=where,
             limit=f"{budget.cpu_s:.0f} s of CPU time",
             next_step=_SMALLER,
         )
-    raise RecordError(
+    raise core.RecordError(
         "the file is damaged, or needs more memory than one of its size may",
         where=where,
         limit=f"{budget.memory_bytes >> 20} MB",
@@ -171,9 +167,9 @@ def serve(read: Reader) -> None:
         files = [Path(file) for file in request["files"]]
         clock.until_s = time.process_time() + budget.cpu_s
         try:
-            options = JsonFields(request["options"]).made(ReadOptions)
+            options = core.JsonFields(request["options"]).made(ReadOptions)
             _send(read(files, options, budget), answers)
-        except DynidError as error:
+        except core.DynidError as error:
             _refuse(error, answers)
         except MemoryError:
             # The parent tells of a process that ended without an answer.
@@ -183,7 +179,7 @@ def serve(read: Reader) -> None:
             what = "the file is damaged, or dynid or a library has a bug"
             said = f"{type(error).__name__}: {error}"
             names = ", ".join(file.name for file in files)
-            _refuse(RecordError(what, where=names, value=said, next_step=_REPORT), answers)
+            _refuse(core.RecordError(what, where=names, value=said, next_step=_REPORT), answers)
         finally:
             clock.until_s = math.inf
 
@@ -220,9 +216,9 @@ def _limit(budget: Budget) -> None:
         )
 
 
-def _refuse(error: DynidError, answers: IO[bytes]) -> None:
+def _refuse(error: core.DynidError, answers: IO[bytes]) -> None:
     # Values of other types are shown as they would be in the message.
-    shown = {k: None if v is None else in_words(v) for k, v in error.facts.items()}
+    shown = {k: None if v is None else core.in_words(v) for k, v in error.facts.items()}
     kind = next(k.__name__ for k in type(error).__mro__ if k.__name__ in _ERRORS)
     answers.write(json.dumps({"error": kind, **shown}).encode() + b"\n")
     answers.flush()
@@ -272,8 +268,8 @@ def _unpack(answer: dict[str, Any], stream: IO[bytes]) -> Read | None:
         else:
             known[name] = value
     facts, told = answer["facts"], "problems" if answer["own"] else "notices"
-    known[told] = tuple(map(finding_from_json, facts[told]))
-    return JsonFields(facts).made(ExperimentRecord if answer["own"] else RawTable, **known)
+    known[told] = tuple(map(core.finding_from_json, facts[told]))
+    return core.JsonFields(facts).made(ExperimentRecord if answer["own"] else RawTable, **known)
 
 
 def _current() -> _Worker:

@@ -13,14 +13,7 @@ from typing import TypeVar, cast
 
 import numpy as np
 
-from dynid.core import (
-    Finding,
-    InputError,
-    RecordError,
-    UnclearRecordError,
-    file_hash,
-    like_named,
-)
+from dynid import core
 from dynid.recording.arrayfiles import read_frame, read_hdf5, read_json, read_mat, read_npz
 from dynid.recording.bags import bag_files, read_bag
 from dynid.recording.columns import parse_columns
@@ -54,10 +47,10 @@ def _given_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
     if isinstance(paths, Mapping) or hasattr(paths, "__array__"):
         # A table of pandas is a sequence of its column names.
         kind = type(paths).__name__
-        raise RecordError("this is no file of a recording", value=kind, next_step=_IN_MEMORY)
+        raise core.RecordError("this is no file of a recording", value=kind, next_step=_IN_MEMORY)
     files = [Path(paths)] if isinstance(paths, (str, Path)) else [Path(path) for path in paths]
     if not files:
-        raise RecordError("no recording was given")
+        raise core.RecordError("no recording was given")
     # os.path says False where Path raises, as for names that no file can have.
     if len(files) == 1 and not os.path.exists(files[0]) and os.path.isfile(f"{files[0]}.partial"):
         # A recording that was interrupted: what there is of it.
@@ -66,16 +59,18 @@ def _given_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
         try:
             size = file.stat().st_size
         except (OSError, ValueError) as error:
-            step = like_named(file)
-            raise RecordError("there is no such file", where=str(file), next_step=step) from error
+            step = core.like_named(file)
+            raise core.RecordError(
+                "there is no such file", where=str(file), next_step=step
+            ) from error
         if file.is_dir():
             if len(files) > 1:
-                raise RecordError("a folder cannot stand beside other files", where=str(file))
+                raise core.RecordError("a folder cannot stand beside other files", where=str(file))
             return _in_folder(file)
         if not file.is_file():
-            raise RecordError("this is no regular file", where=str(file))
+            raise core.RecordError("this is no regular file", where=str(file))
         if size == 0:
-            raise RecordError("the file is empty", where=str(file))
+            raise core.RecordError("the file is empty", where=str(file))
     return files
 
 
@@ -94,14 +89,14 @@ def _in_folder(folder: Path) -> list[Path]:
     if bags or len(others) == 1 or are_one_run(others):
         return bags or others
     if not others:
-        raise RecordError(
+        raise core.RecordError(
             "the folder holds no recording",
             where=str(folder),
             limit="a ROS bag, or files that end in " + ", ".join(_EXTENSIONS),
         )
     quoted = " ".join(shlex.quote(str(path)) for path in others[:8])
     more = " ..." if len(others) > 8 else ""
-    raise RecordError(
+    raise core.RecordError(
         f"the folder holds {len(others)} files",
         where=str(folder),
         value=[path.name for path in others[:20]],
@@ -176,7 +171,7 @@ def read_recording(
     given = _given_files(paths)
     robot = None if robot is None else load_robot(robot, collision=False)
     if rate_hz is not None and not 0 < rate_hz < MAX_RATE_HZ:
-        raise RecordError(
+        raise core.RecordError(
             "the rate must be positive and finite",
             where="--rate",
             value=rate_hz,
@@ -196,7 +191,7 @@ def read_recording(
     table = read_isolated(given, options)
     if isinstance(table, ExperimentRecord):
         if columns is not None or degrees or joint_order is not None:
-            raise RecordError(
+            raise core.RecordError(
                 "a dynid recording is complete: columns, degrees and joint order do not apply",
                 where=given[0].name,
             )
@@ -227,10 +222,12 @@ def read_record(path: str | Path) -> ExperimentRecord:
     """
     if os.path.isdir(path):
         said = "this is a folder, not a dynid recording"
-        raise RecordError(said, where=str(path), next_step="Read it with dynid.read_recording.")
+        raise core.RecordError(
+            said, where=str(path), next_step="Read it with dynid.read_recording."
+        )
     found = read_isolated(_given_files(path), ReadOptions(format=OWN))
     if not isinstance(found, ExperimentRecord):
-        raise RecordError("this is no dynid recording", where=str(path))
+        raise core.RecordError("this is no dynid recording", where=str(path))
     return found
 
 
@@ -261,15 +258,15 @@ def read_table(
 def _format(files: list[Path], wanted: str) -> str:
     """The format to read; `auto` for any text, whose header says more."""
     if wanted not in ("auto", *FORMATS):
-        raise RecordError("unknown format", value=wanted, limit=("auto", *FORMATS))
+        raise core.RecordError("unknown format", value=wanted, limit=("auto", *FORMATS))
     kinds = {content_kind(file) for file in files}
     kind = min(kinds)
     if len(kinds) > 1 and not kinds <= {"rosbag", "mcap"}:
-        raise RecordError(
+        raise core.RecordError(
             "files of different formats cannot stand side by side", value=sorted(kinds)
         )
     if len(files) > 1 and kind not in ("csv", "rosbag", "mcap"):
-        raise RecordError(
+        raise core.RecordError(
             f"only one {kind} file can be read at a time",
             value=[file.name for file in files],
             next_step="Import each by itself; dynid identify takes several recordings.",
@@ -280,7 +277,7 @@ def _format(files: list[Path], wanted: str) -> str:
         # MATLAB 7.3 writes HDF5; Parquet may be of others.
         return kind
     if wanted not in kinds and not (kind == "csv" and wanted in _TEXT):
-        raise RecordError(
+        raise core.RecordError(
             f"the content is {kind}, not {wanted}",
             next_step="Leave --format out to go by the content.",
         )
@@ -290,7 +287,7 @@ def _format(files: list[Path], wanted: str) -> str:
 def _hash(files: list[Path]) -> str:
     """SHA-256 of the file; of several, of their hashes one after the other."""
     with located(files[0].name):
-        hashes = [file_hash(file) for file in files]
+        hashes = [core.file_hash(file) for file in files]
     return hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()
 
 
@@ -325,17 +322,17 @@ def open_record(
         found = fitted(record, robot)
         try:
             refuse_degrees(RawTable(rows=np.arange(found.samples), signals=found.signals), robot)
-        except UnclearRecordError as error:
+        except core.UnclearRecordError as error:
             step = "If they are degrees, give numpy.radians(q)."
             raise error.changed(next_step=step) from error
     elif not isinstance(record, str | Path):  # pyright: ignore[reportUnnecessaryIsInstance]
         kind = type(record).__name__
-        raise InputError("not a recording or its file", value=kind, next_step=_IN_MEMORY)
+        raise core.InputError("not a recording or its file", value=kind, next_step=_IN_MEMORY)
     else:
         _refuse_results(Path(record))
         try:
             found = read_recording(record, robot=robot)
-        except UnclearRecordError as error:
+        except core.UnclearRecordError as error:
             command = f"dynid import {shlex.quote(str(record))} --robot ROBOT -o RECORD.parquet"
             step = error.next_step or ""
             step += f"{'' if step.endswith('.') else '.'} It is an option of dynid import, which "
@@ -346,7 +343,7 @@ def open_record(
     told = found.problems
     if "effort" in found.signals:
         text = "the recording holds torques: the drive gains that were given are not used"
-        told = (*told, Finding("gains_unused", text))
+        told = (*told, core.Finding("gains_unused", text))
     metadata = with_gains(found.metadata, robot.joints, gains)
     return replace(found, metadata=metadata, problems=told)
 
@@ -411,7 +408,7 @@ def _refuse_results(path: Path) -> None:
     head = first_bytes(path, _HEAD)
     for mark, kind in _RESULTS.items():
         if mark in head:
-            raise RecordError(
+            raise core.RecordError(
                 f"this is {kind}, not a recording",
                 where=str(path),
                 next_step="Give a recording: dynid run and dynid import write them.",

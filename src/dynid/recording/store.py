@@ -20,16 +20,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from dynid.core import (
-    Finding,
-    JobError,
-    RecordError,
-    file_behind,
-    free_name,
-    in_one_piece,
-    parse_json,
-    require_absent,
-)
+from dynid import core
 from dynid.recording.content import first_bytes, located, refused
 from dynid.recording.record import (
     UNITS,
@@ -87,10 +78,10 @@ def recover(path: Path, file: int | None = None, *, finished: bool = False) -> E
     segments = list(_segments(data))
     parts = {kind: [part for own, part in segments if own == kind] for kind in (b"H", b"R", b"N")}
     if not parts[b"H"]:
-        raise RecordError("the recording's description is lost", where=path.name)
+        raise core.RecordError("the recording's description is lost", where=path.name)
     with refused("the recording's description is damaged", where=path.name):
-        description = parse_json(parts[b"H"][-1].decode())
-        notices = [parse_json(part.decode()) for part in parts[b"N"]]
+        description = core.parse_json(parts[b"H"][-1].decode())
+        notices = [core.parse_json(part.decode()) for part in parts[b"N"]]
     found = Description.of(description, notices)
     with refused("the recording's rows are damaged", where=path.name):
         table = np.frombuffer(b"".join(parts[b"R"]), dtype="<f8").reshape(-1, len(found.names))
@@ -100,7 +91,7 @@ def recover(path: Path, file: int | None = None, *, finished: bool = False) -> E
     used = _size(segments)
     lost = f", {len(data) - used} bytes after them are lost" if len(data) > used else ""
     message = f"the recording was interrupted; {record.samples} samples were kept{lost}"
-    return replace(record, problems=(*record.problems, Finding("truncated_file", message)))
+    return replace(record, problems=(*record.problems, core.Finding("truncated_file", message)))
 
 
 def _is_empty(file: IO[bytes]) -> bool:
@@ -146,11 +137,11 @@ def create_partial(path: Path) -> tuple[int, Path | None]:
             if empty:
                 path.unlink()
             else:
-                kept = free_name(path, f"{path.name}.")
+                kept = core.free_name(path, f"{path.name}.")
                 os.rename(path, kept)
         file = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o644)
     except OSError as error:
-        raise JobError(
+        raise core.JobError(
             "the recording cannot be started", where=str(path), value=error.strerror
         ) from error
     _lock(file, path)
@@ -162,7 +153,9 @@ def _lock(file: int, path: Path) -> None:
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
-        raise RecordError("another program is writing this recording", where=str(path)) from error
+        raise core.RecordError(
+            "another program is writing this recording", where=str(path)
+        ) from error
     except OSError:
         return
 
@@ -186,8 +179,8 @@ def write_record(record: ExperimentRecord, path: str | Path, *, force: bool = Fa
         InputError: A place where no such file can be, or where one is.
         JobError: The disk does not take it.
     """
-    target = file_behind(Path(path))
-    require_absent(target, force=force)
+    target = core.file_behind(Path(path))
+    core.require_absent(target, force=force)
     names = ["t", *column_names(record.signals, record.joints)]
     for k, name in enumerate(record.channels):
         names.append(f"channel_{k}" if name in names or not name else name)
@@ -214,7 +207,7 @@ def write_record(record: ExperimentRecord, path: str | Path, *, force: bool = Fa
             metadata={KEY: json.dumps(description).encode()},
         ),
     )
-    with in_one_piece(target) as draft, draft.open("wb") as stream:
+    with core.in_one_piece(target) as draft, draft.open("wb") as stream:
         parquet.write_table(
             table,
             stream,
@@ -255,10 +248,10 @@ def described(footer: Any) -> tuple[Description, dict[str, Any], str]:
     """
     entries: dict[bytes, bytes] = footer.metadata or {}
     if KEY not in entries:
-        raise RecordError("this Parquet file is not a dynid recording", next_step=_FOREIGN)
-    written: dict[str, Any] = parse_json(entries[KEY].decode())
+        raise core.RecordError("this Parquet file is not a dynid recording", next_step=_FOREIGN)
+    written: dict[str, Any] = core.parse_json(entries[KEY].decode())
     if (version := written.get("schema")) != VERSION:
-        raise RecordError(
+        raise core.RecordError(
             "the recording was written by another version of dynid", value=version, limit=VERSION
         )
     expected = str(written.pop("digest", ""))
@@ -286,14 +279,16 @@ def read_own(file: Path) -> ExperimentRecord:
         }
         ordered, start = list(columns.values()), len(found.names) - len(found.channels)
         if len(ordered) != len(found.names) or list(columns)[:start] != found.names[:start]:
-            raise RecordError("columns are missing", value=list(columns)[:40], limit=found.names)
+            raise core.RecordError(
+                "columns are missing", value=list(columns)[:40], limit=found.names
+            )
         if digest(description, ordered) != expected:
-            raise RecordError("the recording was changed or damaged after it was written")
+            raise core.RecordError("the recording was changed or damaged after it was written")
         record = found.record(ordered)
     waiting = partial_path(file)
     if not waiting.is_file():
         return record
-    note = Finding(
+    note = core.Finding(
         "truncated_file",
         f"rows of another, interrupted run are in {waiting.name}",
         severity="info",

@@ -11,18 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynid.core import Array, Finding, RecordError, UnclearRecordError, printable
+from dynid.recording import table
 from dynid.recording.cells import factors_of, is_missing, past_midnight, stamp, taken_as_it_is
 from dynid.recording.columns import conversions, select
 from dynid.recording.headers import Match, NotRecognised, match_headers
 from dynid.recording.names import parse_name, says_degrees
-from dynid.recording.table import (
-    ANGLES,
-    RawTable,
-    ReadOptions,
-    find_clocks,
-    rises,
-    stamps_of,
-)
 
 SLICE = re.compile(r"(.+?)\[(?::\s*,)?\s*([\d:+]+)\s*\]")
 """A variable and some of its columns: `data[:,1:7]`."""
@@ -35,7 +28,7 @@ def _unit_of(quantity: str, path: str) -> str:
     match = SLICE.fullmatch(path)
     name = parse_name(match.group(1) if match else path)
     # The last word counts: a struct may be called after a pose, `at_30_deg.q`.
-    if not name.unit and quantity in ANGLES and says_degrees(name.base):
+    if not name.unit and quantity in table.ANGLES and says_degrees(name.base):
         return {"q": "deg", "target_q": "deg"}.get(
             quantity, "deg/s^2" if quantity.endswith("qdd") else "deg/s"
         )
@@ -81,7 +74,7 @@ def _guess_variables(
     for clock in match.clocks:
         if all(variables[paths[k]].size == longest for k in clock.columns):
             # Whole seconds and nanoseconds are two variables.
-            arrays["t"] = stamps_of((clock,), lambda k: variables[paths[k]].ravel())["t"]
+            arrays["t"] = table.stamps_of((clock,), lambda k: variables[paths[k]].ravel())["t"]
             labels["t"] = paths[clock.columns[0]]
             break
     return arrays, labels, match
@@ -119,7 +112,7 @@ def _require_one_set(variables: Mapping[str, Array], paths: Mapping[str, list[st
         # The time of one run may look like that of one joint: `trial_1.t`.
         stem = paths["q"][0].rpartition(".")[0]
         own = [path for path in variables if path.rpartition(".")[0] == stem]
-        clocks = find_clocks([parse_name(path) for path in own], own, stem)
+        clocks = table.find_clocks([parse_name(path) for path in own], own, stem)
         chosen = {"t": [clocks[0].label]} | dict(paths) if clocks else paths
         columns = ",".join(f"{name}={_bare(found[0])}" for name, found in chosen.items())
         raise UnclearRecordError(
@@ -160,9 +153,9 @@ def moments_of(cells: Iterable[str]) -> Array | None:
 
 def table_of(
     variables: Mapping[str, Array],
-    options: ReadOptions,
+    options: table.ReadOptions,
     names: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
-) -> RawTable:
+) -> table.RawTable:
     """A raw table from named arrays.
 
     Arrays may be (N, n), (n, N) or flat (N n, sample after sample): the length of the time
@@ -224,7 +217,7 @@ def table_of(
             f"t={paths['t']} has {len(t)} values but q has {rows} samples", value=signals["q"].shape
         )
     notes.extend(conversions(factors))
-    return RawTable(
+    return table.RawTable(
         rows=np.arange(1, rows + 1, dtype=np.int64),
         row_word="sample",
         signals=signals,
@@ -263,7 +256,7 @@ def _leading_clock(arrays: Mapping[str, Array], joints: int | None) -> tuple[Arr
     wide = joints is None or all(value.shape[1] == joints + 1 for value in signals)
     if not (alike and wide and (len(signals) > 1 or joints is not None)):
         return None
-    return (first, "time") if rises(first) else None
+    return (first, "time") if table.rises(first) else None
 
 
 def _whole(value: Array) -> Array:

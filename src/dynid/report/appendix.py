@@ -5,9 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dynid import core, identification, validation
 from dynid import figures as draw
-from dynid.core import Array
-from dynid.identification import StandardParameters
 from dynid.report.contents import (
     JudgedMotion,
     ReportContents,
@@ -23,12 +22,6 @@ from dynid.report.figures import (
     singular_figure,
 )
 from dynid.report.screens import LEVEL_WORDS
-from dynid.validation import (
-    OF_COMPARISON,
-    ValidationResult,
-    errors_by_kind,
-    uncertainty_over_poses,
-)
 
 SAMPLES = 1000
 QUANTITIES = (("position", "rad"), ("velocity", "rad/s"), ("acceleration", "rad/s^2"))
@@ -104,7 +97,7 @@ def _arm_figures(judged: JudgedMotion, name: str) -> Iterator[draw.Figure]:
             )
 
 
-def _search_figure(item: ReportedDesign, count: Array, best: Array) -> draw.Figure:
+def _search_figure(item: ReportedDesign, count: core.Array, best: core.Array) -> draw.Figure:
     criterion = dict(item.facts).get("criterion", "criterion")
     return draw.Figure(
         title=f"Search: best {criterion} so far",
@@ -169,7 +162,7 @@ def chapters(contents: ReportContents) -> Iterator[Chapter]:
         yield _others(contents)
     for first, second, compared in contents.comparisons:
         changes = changes_figure(first, second, compared)
-        own = [told for told in compared.warnings if told.kind in OF_COMPARISON]
+        own = [told for told in compared.warnings if told.kind in validation.OF_COMPARISON]
         rows = [
             (
                 group.name,
@@ -199,7 +192,7 @@ def chapters(contents: ReportContents) -> Iterator[Chapter]:
     yield from _made(contents)
 
 
-def _errors(item: ReportedEstimate, shown: ValidationResult) -> Table:
+def _errors(item: ReportedEstimate, shown: validation.ValidationResult) -> Table:
     robot = item.estimate.model.robot
     unit = draw.joint_unit("N.m", robot.prismatic)
     whole, moving = shown.metrics, shown.moving
@@ -208,7 +201,7 @@ def _errors(item: ReportedEstimate, shown: ValidationResult) -> Table:
         (name, *(draw.number(float(part[j])) for part in parts), draw.number(float(whole.r2[j])))
         for j, name in enumerate(joint_labels(robot.joint_names))
     ]
-    for kind, errors in errors_by_kind(
+    for kind, errors in validation.errors_by_kind(
         shown.measured, shown.predicted, shown.moves, robot.prismatic
     ).items():
         overall = (draw.number(part.relative_error_overall_percent) for part in errors)
@@ -226,7 +219,7 @@ def _poses_figure(item: ReportedEstimate) -> draw.Figure | None:
     if known is None:
         return None
     panels: list[draw.Panel] = []
-    for j, found in enumerate(uncertainty_over_poses(estimate)):
+    for j, found in enumerate(validation.uncertainty_over_poses(estimate)):
         scale = 1.0 if robot.prismatic[j] else 180.0 / np.pi
         at, recorded = scale * found.position, scale * np.array([seen.lower[j], seen.upper[j]])
         torque = float(known.torque[j])
@@ -282,7 +275,7 @@ def _parameters(item: ReportedEstimate) -> Chapter:
     )
 
 
-def _standard(item: ReportedEstimate, found: StandardParameters) -> Chapter:
+def _standard(item: ReportedEstimate, found: identification.StandardParameters) -> Chapter:
     rows = [
         (
             column.name,

@@ -13,8 +13,7 @@ import numpy as np
 from dynid import figures as draw
 from dynid.core import Array, InputError, make_folder, require, require_absent, write_text
 from dynid.identification import CONFIDENCE, JointState, Trend
-from dynid.report import figures, screens
-from dynid.report.appendix import chapters
+from dynid.report import appendix, figures, screens
 from dynid.report.contents import ReportContents, ReportedEstimate, joint_labels
 
 DAY_S, PLOT_HEIGHT = 86400.0, 90.0
@@ -138,7 +137,7 @@ def _report_figures(contents: ReportContents) -> tuple[draw.Figure, ...]:
         figures.links_figure(item),
         figures.models_figure(item),
     )
-    more = (figure for chapter in chapters(contents) for figure in chapter.figures)
+    more = (figure for chapter in appendix.chapters(contents) for figure in chapter.figures)
     return (*(figure for figure in drawn if figure is not None), *more)
 
 
@@ -200,7 +199,7 @@ def render(contents: ReportContents) -> str:
         friction=figures.friction_figure(item),
         links=figures.links_figure(item),
         models=figures.models_figure(item),
-        chapters=list(chapters(contents)),
+        chapters=list(appendix.chapters(contents)),
         style=_markup(draw.style() + _asset("page.css")),
         script=_markup(draw.script() + _asset("page.js")),
         version=version("dynid"),

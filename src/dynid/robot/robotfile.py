@@ -10,14 +10,7 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, RobotError
-from dynid.robot import library
-from dynid.robot.body import Body
-from dynid.robot.kinematics import (
-    CONVENTIONS,
-    mount_gravity,
-    robot_from_chain,
-    robot_from_dh,
-)
+from dynid.robot import body, kinematics, library, urdf, urdf_bodies
 from dynid.robot.model import FRAMES, Counterbalance, Drives, RobotModel, SafetyLimits, Tool
 from dynid.robot.tables import (
     TomlTable,
@@ -31,8 +24,6 @@ from dynid.robot.tables import (
 )
 from dynid.robot.transforms import from_body, from_xyz_rpy, inverse, move, translation
 from dynid.robot.urdf import MAX_BYTES as MAX_URDF
-from dynid.robot.urdf import robot_from_urdf
-from dynid.robot.urdf_bodies import with_collision_geometry
 
 _SIDES = ("joint", "motor")
 _BODY_FRAMES = ("dh", "mdh", "urdf", "joint")
@@ -48,7 +39,7 @@ def _read_mount(table: TomlTable, _: RobotModel) -> dict[str, Any]:
         raise RobotError("give either kind or gravity")
     if "kind" in table:
         kind = table.text("kind")
-        return {"mount": kind, "gravity": mount_gravity(kind)}
+        return {"mount": kind, "gravity": kinematics.mount_gravity(kind)}
     gravity = table.numbers("gravity", 3)
     if float(np.linalg.norm(gravity)) > _STRONGEST:
         raise RobotError(
@@ -147,7 +138,7 @@ def _read_bodies(
     rows: list[TomlTable], robot: RobotModel, *, capsules: bool = False
 ) -> dict[str, Any]:
     """`link` is `base` or the joint that moves the link; a capsule goes from `start` to `end`."""
-    found: list[Body] = []
+    found: list[body.Body] = []
     links = ("base", *robot.joint_names)
     for k, table in enumerate(rows):
         link = links.index(table.text("link", links))
@@ -160,7 +151,7 @@ def _read_bodies(
             points = shape.rows("points", None, 3)
             sized = table if "radius" in table else shape
         found.append(
-            Body(
+            body.Body(
                 name=table.text("name") if "name" in table else f"{links[link]} {k + 1}",
                 link=link,
                 points=points @ placed[:3, :3].T + placed[:3, 3],
@@ -272,7 +263,7 @@ def robot_from_toml(
         robot = _kinematics(top, path)
         if collision and robot.urdf:
             held = _links_with_bodies(top, robot)
-            robot = with_collision_geometry(
+            robot = urdf_bodies.with_collision_geometry(
                 robot, Path(robot.urdf), mesh_dirs=mesh_dirs, apart_from=held
             )
         if "joint_names" in top:
@@ -348,7 +339,7 @@ def _from_urdf(top: TomlTable, path: Path) -> RobotModel:
         )
     tip = top.text("tip") if "tip" in top else None
     locked = locked_joints(top.raw("locked")) if "locked" in top else None
-    return robot_from_urdf(
+    return urdf.robot_from_urdf(
         read_limited(file, MAX_URDF),
         where=shown_path(file),
         file=file,
@@ -362,12 +353,12 @@ def _from_dh(top: TomlTable, path: Path) -> RobotModel:
     table = TomlTable(top.raw("dh"), "dh", "", keys)
     a = table.numbers("a")
     n = len(a)
-    robot = robot_from_dh(
+    robot = kinematics.robot_from_dh(
         a=a,
         d=table.numbers("d", n),
         alpha=table.angles("alpha", n),
         theta=table.angles("theta", n) if "theta" in table else None,
-        convention=table.text("convention", CONVENTIONS),
+        convention=table.text("convention", kinematics.CONVENTIONS),
         joint_types=table.texts("joint_types", n) if "joint_types" in table else None,
         sign=table.numbers("sign", n) if "sign" in table else None,
         base=_pose(top, "base"),
@@ -383,7 +374,7 @@ def _from_joints(top: TomlTable, path: Path) -> RobotModel:
     base = _pose(top, "base")
     if rows and base is not None:
         placements[0] = base @ placements[0]
-    robot = robot_from_chain(
+    robot = kinematics.robot_from_chain(
         placements=placements,
         axes=np.array([_axis(row) for row in rows]),
         joint_names=[row.text("name") for row in rows],

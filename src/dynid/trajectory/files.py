@@ -21,15 +21,8 @@ from dynid.core import (
     write_json,
 )
 from dynid.core import provenance as made_now
-from dynid.trajectory.fourier import FourierFamily, FourierSeries, ModifiedFourierFamily
+from dynid.trajectory import fourier, quintic
 from dynid.trajectory.points import MotionSequence, PointsFamily, PointToPoint, Repetition
-from dynid.trajectory.quintic import (
-    BSpline,
-    BSplineFamily,
-    FourierQuintic,
-    FourierQuinticFamily,
-    Quintic,
-)
 from dynid.trajectory.trajectory import (
     JointMotion,
     MotionFamily,
@@ -44,10 +37,10 @@ _DEEPEST = 8
 
 
 KINDS: dict[str, type[Trajectory]] = {
-    "fourier": FourierSeries,
-    "fourier-quintic": FourierQuintic,
-    "bspline": BSpline,
-    "quintic": Quintic,
+    "fourier": fourier.FourierSeries,
+    "fourier-quintic": quintic.FourierQuintic,
+    "bspline": quintic.BSpline,
+    "quintic": quintic.Quintic,
     "point-to-point": PointToPoint,
     "sequence": MotionSequence,
     "repetition": Repetition,
@@ -247,8 +240,8 @@ def _check_size(trajectory: Trajectory) -> None:
 _FAMILIES: dict[str, type[SeriesFamily] | type[PoseFamily]] = {
     made.name: made
     for made in (
-        *(FourierFamily, ModifiedFourierFamily, FourierQuinticFamily),
-        *(BSplineFamily, PointsFamily),
+        *(fourier.FourierFamily, fourier.ModifiedFourierFamily, quintic.FourierQuinticFamily),
+        *(quintic.BSplineFamily, PointsFamily),
     )
 }
 FAMILY_NAMES = tuple(_FAMILIES)
@@ -272,7 +265,7 @@ def motion_family(name: str, duration: float, harmonics: int) -> MotionFamily:
     made = _FAMILIES[name]
     if issubclass(made, SeriesFamily):
         return made(period=duration, harmonics=harmonics)
-    points = 2 * harmonics if made is BSplineFamily else harmonics
+    points = 2 * harmonics if made is quintic.BSplineFamily else harmonics
     return made(travel_time=duration, points=points)
 
 

@@ -9,15 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, MotionBounds, Value, freeze, frozen, read_only, scipy_part
+from dynid.trajectory import trajectory
 from dynid.trajectory.fourier import coefficients, harmonic_basis, require_inside, usable_bounds
-from dynid.trajectory.trajectory import (
-    PoseFamily,
-    SeriesFamily,
-    StandingMotion,
-    require_positive,
-    require_share,
-    require_whole,
-)
 
 STEP = read_only(np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]))
 """From 0 to 1 with no velocity and acceleration at either end."""
@@ -45,7 +38,7 @@ _PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StraightMove(Value, StandingMotion):
+class StraightMove(Value, trajectory.StandingMotion):
     """From one pose to another along a straight line in joint space, at rest at both ends.
 
     Raises:
@@ -60,7 +53,7 @@ class StraightMove(Value, StandingMotion):
     """Time from start to goal [s]."""
 
     def __post_init__(self) -> None:
-        require_positive("the travel time", self.travel_time)
+        trajectory.require_positive("the travel time", self.travel_time)
         freeze(self, start=(None,))
         freeze(self, goal=self.start.shape)
 
@@ -134,7 +127,7 @@ def rest_to_rest(
         name: frozen(value, shape=(bounds.joints,), name=name)
         for name, value in (("start", start), ("goal", goal))
     }
-    require_share("margin", margin)
+    trajectory.require_share("margin", margin)
     for name, pose in poses.items():
         require_inside(f"{name} pose", pose, bounds.lower, bounds.upper)
     way = np.abs(poses["goal"] - poses["start"])
@@ -151,7 +144,7 @@ def rest_to_rest(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FourierQuintic(Value, StandingMotion):
+class FourierQuintic(Value, trajectory.StandingMotion):
     """q = sum_l a_l sin(w l t) - b_l cos(w l t) + c(t), w = 2 pi / period, c of fifth order.
 
     The six coefficients of each c are those that make q(0) = start, q(period) = goal, and
@@ -176,7 +169,7 @@ class FourierQuintic(Value, StandingMotion):
     """(n, H) negated cosine coefficients, harmonics 1 to H [rad or m]."""
 
     def __post_init__(self) -> None:
-        require_positive("the period", self.period)
+        trajectory.require_positive("the period", self.period)
         object.__setattr__(self, "period", float(self.period))
         start = frozen(self.start, shape=(None,), name="start")
         a, b = coefficients(self.a, self.b, len(start))
@@ -219,7 +212,7 @@ class FourierQuintic(Value, StandingMotion):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FourierQuinticFamily(SeriesFamily):
+class FourierQuinticFamily(trajectory.SeriesFamily):
     """Fourier series with a fifth-order polynomial, from the offset back to the offset.
 
     Raises:
@@ -274,7 +267,7 @@ _REST = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BSpline(Value, StandingMotion):
+class BSpline(Value, trajectory.StandingMotion):
     """q = sum_i control_i B_i(t), with clamped knots at equal distances.
 
     Starts at the first control point and ends at the last one. With three equal control points at
@@ -293,8 +286,8 @@ class BSpline(Value, StandingMotion):
     """Degree of the polynomials between the knots."""
 
     def __post_init__(self) -> None:
-        require_positive("the travel time", self.travel_time)
-        require_whole("the degree of a B-spline", self.degree, 3)
+        trajectory.require_positive("the travel time", self.travel_time)
+        trajectory.require_whole("the degree of a B-spline", self.degree, 3)
         object.__setattr__(self, "travel_time", float(self.travel_time))
         control = frozen(self.control, shape=(None, None), name="control points")
         if len(control) == 0 or control.shape[1] <= self.degree:
@@ -338,7 +331,7 @@ class BSpline(Value, StandingMotion):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BSplineFamily(PoseFamily):
+class BSplineFamily(trajectory.PoseFamily):
     """B-splines from the offset back to the offset, exactly at rest at both ends.
 
     Raises:

@@ -10,26 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from dynid import identification, recording, reduction, regressor
 from dynid.core import Array, DynidError, Finding, Mask, Value, plain, read_only, told
-from dynid.identification import (
-    Estimate,
-    EstimateLike,
-    autocorrelation,
-    motion_state,
-    open_estimate,
-    recorded_rows,
-)
-from dynid.recording import (
-    AnyRecording,
-    ExperimentRecord,
-    RecordLike,
-    RecordMetadata,
-    checked_records,
-    identity,
-    open_record,
-)
-from dynid.reduction import random_states
-from dynid.regressor import CHUNK
 from dynid.robot import RobotModel, builtin_names, joint_poses, load_robot
 from dynid.signals import (
     ProcessingSettings,
@@ -59,7 +41,9 @@ FARTHEST_M, FARTHEST = 0.6, 0.5
 """Of its centre from the last joint's frame, or this share of the distances of all joints."""
 
 
-def another_payload(estimate: Estimate, samples: Samples, error: Array) -> Iterator[Finding]:
+def another_payload(
+    estimate: identification.Estimate, samples: Samples, error: Array
+) -> Iterator[Finding]:
     """Whether another mass at the last link explains the errors.
 
     The error (N, n) is measured minus predicted torques of the record's used rows [N.m or N], of
@@ -71,10 +55,10 @@ def another_payload(estimate: Estimate, samples: Samples, error: Array) -> Itera
     square, cross = np.zeros((STRETCHES, 10, 10)), np.zeros((STRETCHES, 10))
     # Columns of an hour would not fit into memory.
     for k, stretch in enumerate(np.array_split(used, STRETCHES)):
-        for first in range(0, len(stretch), CHUNK):
-            part = stretch[first : first + CHUNK]
+        for first in range(0, len(stretch), regressor.CHUNK):
+            part = stretch[first : first + regressor.CHUNK]
             rows = slice(int(part[0]), int(part[-1]) + 1)
-            columns, _ = recorded_rows(model, samples, rows, wanted, None)
+            columns, _ = identification.recorded_rows(model, samples, rows, wanted, None)
             columns /= estimate.noise[:, None]
             square[k] += np.einsum("rjt,sjt->rs", columns, columns)
             cross[k] += np.einsum("rjt,jt->r", columns, weighted[:, part - used[0]])
@@ -167,8 +151,8 @@ class ValidationResult(Value):
 
 
 def validate(
-    estimate: EstimateLike,
-    record: RecordLike,
+    estimate: identification.EstimateLike,
+    record: recording.RecordLike,
     *,
     start_s: float | None = None,
     stop_s: float | None = None,
@@ -189,9 +173,9 @@ def validate(
     Raises:
         InputError: The record does not fit the robot, or the window is empty.
     """
-    estimate = open_estimate(estimate)
+    estimate = identification.open_estimate(estimate)
     robot = estimate.model.robot
-    (record,) = checked_records([open_record(record, robot)])
+    (record,) = recording.checked_records([recording.open_record(record, robot)])
     settings = _settings(estimate, record, start_s, stop_s)
     signals = uniform_signals(record, robot, settings)
     own = max(settings.cutoff_hz or 0.0, default_cutoff(signals.q, signals.rate_hz))
@@ -208,21 +192,23 @@ def validate(
     split = transfer_report(estimate, samples, error)
     covered = None
     if estimate.assessment is not None:
-        state = motion_state(estimate.model, samples)
+        state = identification.motion_state(estimate.model, samples)
         width = estimate.half_width(samples.q, samples.dq, samples.ddq, state, level=INTERVAL)
         covered = read_only((np.abs(error) <= width[samples.rows]).mean(axis=0))
     return replace(result, warnings=found, transfer=split, covered=covered)
 
 
-def reproduce(estimate: Estimate, record: ExperimentRecord) -> ValidationResult:
+def reproduce(
+    estimate: identification.Estimate, record: recording.ExperimentRecord
+) -> ValidationResult:
     """As `validate`, for the window that was identified from: the training errors."""
     start_s, stop_s = estimate.settings.start_s, estimate.settings.stop_s
     return validate_samples(estimate, samples_of(estimate, record, start_s=start_s, stop_s=stop_s))
 
 
 def samples_of(
-    estimate: Estimate,
-    record: ExperimentRecord,
+    estimate: identification.Estimate,
+    record: recording.ExperimentRecord,
     *,
     start_s: float | None = None,
     stop_s: float | None = None,
@@ -233,7 +219,10 @@ def samples_of(
 
 
 def _settings(
-    estimate: Estimate, record: ExperimentRecord, start_s: float | None, stop_s: float | None
+    estimate: identification.Estimate,
+    record: recording.ExperimentRecord,
+    start_s: float | None,
+    stop_s: float | None,
 ) -> ProcessingSettings:
     settings = replace(
         estimate.settings, start_s=start_s, stop_s=stop_s, decimate=False, period_s=None
@@ -248,9 +237,12 @@ def _settings(
 
 
 def _seen_before(
-    estimate: Estimate, record: ExperimentRecord, start_s: float | None, stop_s: float | None
+    estimate: identification.Estimate,
+    record: recording.ExperimentRecord,
+    start_s: float | None,
+    stop_s: float | None,
 ) -> Iterator[Finding]:
-    own, end = identity(record), record.duration_s if stop_s is None else stop_s
+    own, end = recording.identity(record), record.duration_s if stop_s is None else stop_s
     common = [
         (max(start_s or 0.0, start), min(end, stop, record.duration_s))
         for name, start, stop in used_rows(estimate)
@@ -265,13 +257,13 @@ def _seen_before(
         )
 
 
-def record_findings(robot: RobotModel, *records: AnyRecording) -> tuple[Finding, ...]:
+def record_findings(robot: RobotModel, *records: recording.AnyRecording) -> tuple[Finding, ...]:
     """What recordings tell of themselves, once each: another robot; what was found in reading."""
     found = [(*_another_robot(robot, one.metadata), *one.problems) for one in records]
     return tuple(dict.fromkeys(chain.from_iterable(found)))
 
 
-def _another_robot(robot: RobotModel, record: RecordMetadata) -> Iterator[Finding]:
+def _another_robot(robot: RobotModel, record: recording.RecordMetadata) -> Iterator[Finding]:
     """Whether a record says that it is of another type of robot.
 
     Names of built-in robots tell; of others the distances of their axes, where the robot can be
@@ -310,9 +302,9 @@ def _axes_apart(robot: RobotModel) -> Array:
     return apart
 
 
-def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:
+def validate_samples(estimate: identification.Estimate, samples: Samples) -> ValidationResult:
     """Compare predicted and measured torques of samples; see `validate`."""
-    state = motion_state(estimate.model, samples)
+    state = identification.motion_state(estimate.model, samples)
     model = estimate.predict(samples.q, samples.dq, samples.ddq, state)
     rows = samples.rows
     predicted: Array = samples.as_recorded(model.T).T
@@ -334,12 +326,12 @@ def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:
         metrics=metrics(measured, predicted, prismatic=slides),
         moving=metrics(measured, predicted, moving, slides),
         at_rest=metrics(measured, predicted, ~moving, slides),
-        residual_autocorrelation=autocorrelation((measured - predicted).T, 1),
+        residual_autocorrelation=identification.autocorrelation((measured - predicted).T, 1),
         warnings=(*_extrapolated(estimate, samples), *_at_rest(estimate, moving)),
     )
 
 
-def _extrapolated(estimate: Estimate, samples: Samples) -> Iterator[Finding]:
+def _extrapolated(estimate: identification.Estimate, samples: Samples) -> Iterator[Finding]:
     known, model = estimate.motion, estimate.model
     names = model.robot.joint_names
     units = ["m" if slides else "rad" for slides in model.robot.prismatic]
@@ -354,7 +346,7 @@ def _extrapolated(estimate: Estimate, samples: Samples) -> Iterator[Finding]:
             found.append(text)
     margin = (EXTRAPOLATION - 1) * (known.upper - known.lower)
     low, high = np.percentile(samples.q, [0.25, 99.75], axis=0)
-    q, dq, ddq = random_states(model.robot, 3, 0)
+    q, dq, ddq = reduction.random_states(model.robot, 3, 0)
     w = model.observation_matrix(q, dq, ddq)
     for j in np.flatnonzero((low < known.lower - margin) | (high > known.upper + margin)):
         # Where a joint stands says nothing if it turns about gravity and nothing carries it.
@@ -375,7 +367,7 @@ SAME_TORQUE = 1e-9
 """Of the largest: columns that differ by less are the same."""
 
 
-def _at_rest(estimate: Estimate, moving: Mask) -> Iterator[Finding]:
+def _at_rest(estimate: identification.Estimate, moving: Mask) -> Iterator[Finding]:
     share = 1 - moving.mean(axis=0)
     worst = int(np.argmax(share))
     if share.mean() > REST_SHARE:
@@ -405,7 +397,7 @@ class PoseUncertainty:
     """(K) the same, the other joints within the ranges of the recording."""
 
 
-def uncertainty_over_poses(estimate: Estimate) -> tuple[PoseUncertainty, ...]:
+def uncertainty_over_poses(estimate: identification.Estimate) -> tuple[PoseUncertainty, ...]:
     """Where a model is not to be used, joint by joint, before any second recording exists.
 
     Half widths that nine of ten random poses of the other joints do not exceed, at half of the

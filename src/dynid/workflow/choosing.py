@@ -9,10 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynid import identification
+from dynid import identification, regressor
 from dynid.core import InputError, Progress, Provenance, provenance
 from dynid.recording import AnyRecording, ExperimentRecord, fingerprint
-from dynid.regressor import FrictionTerms, InverseDynamicModel
 from dynid.robot import RobotModel
 from dynid.settings import IdentifySettings
 from dynid.signals import (
@@ -195,9 +194,9 @@ def prepare(
         recordings = at_one_rate(recordings)
     parts = [samples_from(signals, processing) for signals in recordings]
     samples = parts[0] if len(parts) == 1 else joined(parts)
-    friction = settings.terms or FrictionTerms() if choice is None else choice.friction
+    friction = settings.terms or regressor.FrictionTerms() if choice is None else choice.friction
     estimator = _estimator(settings, robot, choice)
-    model = InverseDynamicModel(robot=robot, frames=settings.frames, friction=friction)
+    model = regressor.InverseDynamicModel(robot=robot, frames=settings.frames, friction=friction)
     model = identification.with_load(model, samples, estimator)
     if choice is not None and settings.terms is None:
         chosen = model.names

@@ -9,14 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from dynid import core
+from dynid import core, experiment, identification, recording, simulation
 from dynid.excitation import ExcitationDesign
-from dynid.experiment import stop_on_signals
-from dynid.identification import write_estimate
-from dynid.recording import ExperimentRecord, read_record
 from dynid.robot import load_robot
 from dynid.settings import DesignSettings, IdentifySettings, RunSettings
-from dynid.simulation import SERIAL, simulated_arm
 from dynid.validation import ParameterComparison, ValidationResult, compare
 from dynid.workflow.analyze import Analysis, analyze
 from dynid.workflow.designing import design
@@ -110,7 +106,7 @@ RECORDED = ("identification", "validation")
 THERMAL = ("cold", "warm")
 STARTS = 2
 """Starts of the search for a motion; more would find a slightly better one."""
-Records = dict[tuple[str, str], ExperimentRecord]
+Records = dict[tuple[str, str], recording.ExperimentRecord]
 """By thermal state and what they are recorded for."""
 
 
@@ -145,7 +141,7 @@ def _make_recordings(
             tell(f"run on the simulated robot, {thermal}", 0.6 + 0.1 * len(records))
             path = folder / f"{thermal}_{what}.parquet"
             _record(folder / f"{name}.json", path, thermal, 10 * seed + k, quick)
-            records[thermal, what] = read_record(path)
+            records[thermal, what] = recording.read_record(path)
     return designs[0], records
 
 
@@ -154,10 +150,10 @@ def _record(motion: Path, path: Path, thermal: str, seed: int, quick: bool) -> N
     settings = RunSettings(
         repeat=1 if quick else REPETITIONS, thermal=thermal, seed=seed, force=True
     )
-    with _simulated_robot(thermal, seed) as on, stop_on_signals() as cancel:
+    with _simulated_robot(thermal, seed) as on, experiment.stop_on_signals() as cancel:
         run_design(motion, path, on=on, settings=settings, cancel=cancel).raise_if_aborted()
-    warm = np.mean(read_record(path).signals["temperature"], axis=0)
-    write_truth(path, simulated_arm(load_robot(ROBOT), serial=SERIAL), warm)
+    warm = np.mean(recording.read_record(path).signals["temperature"], axis=0)
+    write_truth(path, simulation.simulated_arm(load_robot(ROBOT), serial=simulation.SERIAL), warm)
 
 
 @contextmanager
@@ -259,7 +255,7 @@ def run_demo(
             IdentifySettings(preset=preset),
             validation=records[thermal, RECORDED[1]],
         )
-        write_estimate(results[name].estimate, folder / f"{name}.json")
+        identification.write_estimate(results[name].estimate, folder / f"{name}.json")
     paper, warm, best = (results[name] for _, _, name in ESTIMATES)
     change = compare(paper.estimate, warm.estimate)
     tell("write the report", 0.9)

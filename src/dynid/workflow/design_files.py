@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from dynid import core
+from dynid import core, excitation
 from dynid.constraints import Certificate, MotionConstraints, Unjudged, certify
-from dynid.excitation import ExcitationDesign
 from dynid.robot import RobotLike, RobotModel, Tool, load_robot, robot_to_json
 from dynid.settings import LimitSettings, SceneSettings
 from dynid.signals import process
@@ -115,7 +114,7 @@ class StoredDesign(core.Value):
         return f"changed since it was certified: {', '.join(self.changed)}"
 
 
-DesignLike = ExcitationDesign | StoredDesign | StoredTrajectory | Trajectory | str | Path
+DesignLike = excitation.ExcitationDesign | StoredDesign | StoredTrajectory | Trajectory | str | Path
 """A design, what `read_design` or `read_trajectory` found, or the file of either; a trajectory
 beside a robot."""
 
@@ -140,7 +139,7 @@ def open_trajectory(motion: DesignLike) -> Trajectory:
 
 
 def write_design(
-    design: ExcitationDesign | StoredDesign | StoredTrajectory | Trajectory,
+    design: excitation.ExcitationDesign | StoredDesign | StoredTrajectory | Trajectory,
     path: str | Path,
     *,
     robot: RobotLike | None = None,
@@ -159,7 +158,7 @@ def write_design(
     """
     if isinstance(design, Trajectory):
         design = _beside(design, robot)
-    if not isinstance(design, ExcitationDesign):
+    if not isinstance(design, excitation.ExcitationDesign):
         write_trajectory(design.stored if isinstance(design, StoredDesign) else design, path)
         return
     facts = design.to_json()

@@ -10,9 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid import core, excitation
-from dynid.reduction import reduce_model
-from dynid.regressor import InverseDynamicModel, parse_terms
+from dynid import core, excitation, reduction, regressor
 from dynid.robot import RobotLike, RobotModel, load_robot
 from dynid.settings import LONGEST_S, DesignSettings, word_of
 from dynid.signals import process
@@ -131,9 +129,9 @@ class _DesignJob:
         self.judge = self.limits.constraints(robot)
         if asked.start_pose is not None:
             self.judge.check_pose(_each(asked.start_pose, robot.joints, "--start"))
-        terms = parse_terms(asked.terms)
-        model = InverseDynamicModel(robot=robot, frames=asked.frames, friction=terms)
-        self.base = reduce_model(model)
+        terms = regressor.parse_terms(asked.terms)
+        model = regressor.InverseDynamicModel(robot=robot, frames=asked.frames, friction=terms)
+        self.base = reduction.reduce_model(model)
         given = None if asked.noise is None else _each(asked.noise, robot.joints, "--noise")
         self.weights: core.Array | None = given
         excitation.check_room(self.judge, excitation.region_of(self._problem(asked.period_s, None)))

@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from dynid import core, identification
+from dynid import core, identification, report
 from dynid.recording import is_url
-from dynid.report import write_fleet_page
 from dynid.settings import FleetSettings
 from dynid.workflow import fleet_files
 
@@ -165,7 +164,7 @@ def fleet(
     )
     _write_table(target / TABLE, rows)
     _write_state(target, joints=judged, recordings=len(recordings))
-    write_fleet_page(
+    report.write_fleet_page(
         target / PAGE,
         joints=judged,
         notes=[finding.message for finding in result.findings],

@@ -13,11 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from dynid import core
+from dynid import core, reduction, regressor
 from dynid.identification import IdentificationProblem, RecordStatistics, record_statistics
 from dynid.recording import is_url, local_files, objects_below, open_record, signals_hash
-from dynid.reduction import BaseParametrization, reduce_model
-from dynid.regressor import InverseDynamicModel, parse_terms
 from dynid.robot import load_robot, robot_to_json
 from dynid.signals import ProcessingSettings, process
 from dynid.workflow.recordings import known_gains, stored_robot
@@ -162,11 +160,11 @@ def _contribution(job: tuple[str, str | None, str]) -> FleetRecording | str:
 
 
 @lru_cache(maxsize=16)
-def base_of(reference: str, terms: str, mount: str | None) -> BaseParametrization:
+def base_of(reference: str, terms: str, mount: str | None) -> reduction.BaseParametrization:
     """The base parameters that statistics of a robot, mounted like this, are about."""
     robot = load_robot(reference, mount=mount, collision=False)
-    model = InverseDynamicModel(robot=robot, friction=parse_terms(terms))
-    return reduce_model(model)
+    model = regressor.InverseDynamicModel(robot=robot, friction=regressor.parse_terms(terms))
+    return reduction.reduce_model(model)
 
 
 @lru_cache(maxsize=64)

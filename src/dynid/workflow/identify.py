@@ -13,20 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from dynid import recording
+from dynid import export, figures, recording, signals, trajectory
 from dynid.core import Array, Finding, InputError, Progress, Value, Workers, one_thread, plain, told
 from dynid.diagnosis import SLOWER, USELESS_PREDICTION, Verdict, diagnose, judge
-from dynid.export import simulator_obstacle
-from dynid.figures import joint_unit
 from dynid.identification import Assessment, Estimate, fit_estimate
 from dynid.robot import RobotLike, RobotModel, joints_by_kind, load_robot, with_carried
 from dynid.settings import IdentifySettings
-from dynid.signals import window
-from dynid.trajectory import JointMotion
 from dynid.validation import ValidationResult, deciding_errors, record_findings, reproduce, validate
-from dynid.workflow import choosing
-from dynid.workflow.long_recordings import Looked, fit_long
-from dynid.workflow.recordings import as_mounted
+from dynid.workflow import choosing, long_recordings, recordings
 
 PROMISED = "predicted_torque_error_percent"
 """Key of a recording's metadata: what its design promises for the periods recorded."""
@@ -97,7 +91,7 @@ def accuracy(
     estimate: Estimate,
     records: Sequence[recording.AnyRecording],
     dq: Array,
-    motions: Sequence[JointMotion] = (),
+    motions: Sequence[trajectory.JointMotion] = (),
 ) -> Accuracy | None:
     """Expected beside found, by an estimate from all of the records; None where not assessed.
 
@@ -136,7 +130,7 @@ def accuracy(
     )
 
 
-def _on(estimate: Estimate, told: Assessment, motion: JointMotion) -> Array:
+def _on(estimate: Estimate, told: Assessment, motion: trajectory.JointMotion) -> Array:
     """(4, n) of a motion: square error at its speeds, its standard error, square torque, noise."""
     states = motion.q, motion.dq, motion.ddq
     stack = estimate.model.stack(*states)[list(estimate.independent)]
@@ -229,7 +223,7 @@ def identify(
     settings = settings or IdentifySettings()
     robot = with_carried(load_robot(robot, mount=settings.mount, collision=False))
     several = recording.open_any(recording.as_list(records), robot)
-    robot = robot if settings.mount else as_mounted(robot, several)
+    robot = robot if settings.mount else recordings.as_mounted(robot, several)
     # Of those that stay in their files, a part is checked when it is looked at.
     stored = [one for one in several if isinstance(one, recording.StoredRecording)]
     held = [one for one in several if isinstance(one, recording.ExperimentRecord)]
@@ -242,7 +236,7 @@ def identify(
     with one_thread():
         if stored or sum(record.samples for record in held) > recording.LONG:
             keep = None if partial is None else Path(partial)
-            fitted = fit_long(
+            fitted = long_recordings.fit_long(
                 several, robot, settings, partial=keep, beside=beside, progress=progress
             )
         else:
@@ -276,10 +270,10 @@ def fit_records(
     robot: RobotModel,
     settings: IdentifySettings,
     progress: Progress | None = None,
-) -> Looked:
+) -> long_recordings.Looked:
     """Choose, process and fit recordings that are held in memory."""
     rate = min(record.rate_hz for record in records)
-    parts = [r.t[window(r.t, settings.start_s, settings.stop_s)] for r in records]
+    parts = [r.t[signals.window(r.t, settings.start_s, settings.stop_s)] for r in records]
     choosing.require_cutoff(rate, settings.cutoff_hz, min(float(np.ptp(part)) for part in parts))
     for record in records:
         choosing.require_torques([record], robot)
@@ -288,7 +282,7 @@ def fit_records(
         choosing.made_from(records, settings),
     )
     estimate = fit_estimate(choosing.prepare(records, robot, settings, processing, made, progress))
-    return Looked(
+    return long_recordings.Looked(
         estimate=estimate,
         training=reproduce(estimate, records[0]),
         records=tuple(records),
@@ -303,7 +297,7 @@ def gains_nothing(estimate: Estimate) -> Iterator[Finding]:
         return
     errors = {name: float(np.linalg.norm(rms)) for name, rms in told_by.models.items()}
     fitted, identified = errors["published_friction"], errors["identified"]
-    unit = joint_unit("N.m", estimate.model.robot.prismatic)
+    unit = figures.joint_unit("N.m", estimate.model.robot.prismatic)
     yield Finding(
         "identification_gains_nothing",
         value=100.0 * (identified / max(fitted, 1e-12) - 1.0),
@@ -374,7 +368,7 @@ def verdict(result: Identification) -> Verdict:
         confirmed=confirmed,
         uncertain_share=uncertain,
         pays=None if estimate.assessment is None else estimate.assessment.pays,
-        obstacle=simulator_obstacle(estimate),
+        obstacle=export.simulator_obstacle(estimate),
         whole_percent=whole,
         slow_percent=slow,
     )

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from dynid import recording
+from dynid import recording, settings
 from dynid.core import InputError, JobError, require_absent, told
 from dynid.robot import RobotLike, RobotModel, builtin_names, load_robot, with_mount
-from dynid.settings import ImportOptions
 from dynid.workflow.shared_inertias import TARGETS, identify_gains
 
 _NEXT = "Pass --robot: a built-in name (dynid robots), a URDF or a robot file."
@@ -189,7 +188,7 @@ def import_recording(
     output: str | Path,
     *,
     robot: RobotLike | None = None,
-    options: ImportOptions | None = None,
+    options: settings.ImportOptions | None = None,
     force: bool = False,
 ) -> Imported:
     """Read a recording in any format, repair it and write it as a dynid recording.
@@ -209,7 +208,7 @@ def import_recording(
     """
     require_absent(Path(output), force=force)
     model = None if robot is None else load_robot(robot, collision=False)
-    how = asdict(options or ImportOptions())
+    how = asdict(options or settings.ImportOptions())
     record = recording.read_recording(files, robot=model, **how)
     if robot is not None:
         record = of_robot(record, robot)

@@ -15,12 +15,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dynid import core
+from dynid import core, diagnosis, reduction
 from dynid.constraints import DISTANCES
-from dynid.diagnosis import contact_stretches
 from dynid.identification import FORMAT, Estimate, read_estimate, standard_posterior
 from dynid.recording import ExperimentRecord, identity, open_record, read_record
-from dynid.reduction import reduce_model
 from dynid.report import (
     Events,
     JudgedMotion,
@@ -128,7 +126,7 @@ def _reported_estimate(
     inputs = set(estimate.provenance.inputs.values())
     own = {key: record for key, record in records.items() if identity(record) in inputs}
     findings = estimate.warnings
-    base = reduce_model(estimate.model)
+    base = reduction.reduce_model(estimate.model)
     item = ReportedEstimate(
         name=path.name,
         label=f"preset {estimate.preset}",
@@ -215,7 +213,7 @@ def _events(estimate: Estimate, shown: ValidationResult) -> Events:
         robot = estimate.model.robot
         held = np.array([abs(known.get(f"Fc{j + 1}", 0.0)) for j in range(robot.joints)])
         error = shown.measured - shown.predicted
-        contacts = contact_stretches(robot, shown.t, shown.dq, error, held)
+        contacts = diagnosis.contact_stretches(robot, shown.t, shown.dq, error, held)
     left_out = tuple((float(shown.t[k]), float(shown.t[k + 1])) for k in gaps)
     return Events(contacts=contacts, left_out=left_out)
 

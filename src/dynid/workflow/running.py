@@ -32,10 +32,8 @@ from dynid.recording import (
 )
 from dynid.robot import PARAMETERS, RobotLike, RobotModel, load_robot
 from dynid.settings import RunSettings
-from dynid.workflow import design_files
-from dynid.workflow.design_limits import given_limits
+from dynid.workflow import design_files, design_limits, recordings
 from dynid.workflow.identify import PROMISED
-from dynid.workflow.recordings import robot_reference
 
 
 def simulate_recording(
@@ -71,7 +69,7 @@ def simulate_recording(
     record = record_of(run)
     told = replace(
         record.metadata,
-        robot=robot_reference(robot),
+        robot=recordings.robot_reference(robot),
         joint_names=robot.joint_names,
         drive_gains=arm.made_up_gains,
     )
@@ -277,10 +275,10 @@ def load_design(path: Path, asked: RunSettings) -> design_files.StoredDesign:
     found = design_files.read_design(
         path, robot=asked.robot, mount=asked.mount, mesh_dirs=asked.mesh_dirs
     )
-    robot = given_limits(asked, found.limits).equipped(found.robot)
+    robot = design_limits.given_limits(asked, found.limits).equipped(found.robot)
     if asked.robot is None:
         return replace(found, robot=robot)
-    stored = replace(found.stored, robot=robot_reference(asked.robot))
+    stored = replace(found.stored, robot=recordings.robot_reference(asked.robot))
     return replace(found, robot=robot, stored=stored)
 
 

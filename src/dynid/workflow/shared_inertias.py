@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid import identification, recording
+from dynid import identification, recording, reduction
 from dynid.core import Array, Finding, InputError, Progress, frozen, one_thread, table, told
-from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel, LoadFriction
 from dynid.robot import RobotLike, RobotModel, frame_map, from_body, load_robot, with_carried
 from dynid.settings import IdentifySettings
@@ -134,7 +133,7 @@ def problem_of(
     found = identification.with_load(
         model, samples, identification.WeightedLeastSquares(prior_gain=identification.PRIOR_GAIN)
     )
-    return identification.IdentificationProblem(base=reduce_model(found), samples=samples)
+    return identification.IdentificationProblem(base=reduction.reduce_model(found), samples=samples)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

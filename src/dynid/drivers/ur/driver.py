@@ -10,17 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from dynid.core import Array, InputError, JobError, Progress, require
-from dynid.drivers.driver import (
-    INTERRUPTED,
-    WATCHDOG_HZ,
-    Cycle,
-    Driver,
-    Execution,
-    Outcome,
-    Recorder,
-    Source,
-    Watchdog,
-)
+from dynid.drivers import driver
 from dynid.drivers.ur.control import UrRtde
 from dynid.drivers.ur.link import STOP_PROGRAM, Dashboard, RtdeLink, ScriptPort
 from dynid.drivers.ur.pump import Conversation, Intake, Pump, Refused
@@ -46,10 +36,10 @@ _DRAIN_EVERY = 25
 
 Converse = Callable[[Layout, Recipe, ScriptPort], Conversation]
 """Begins the conversation that moves the robot; everything else is ready by then."""
-Record = Callable[[Converse], Outcome]
+Record = Callable[[Converse], driver.Outcome]
 
 
-class RtdeDriver(Driver):
+class RtdeDriver(driver.Driver):
     """Records and watches every cycle of a UR controller; what moves it is a driver's own."""
 
     index: ClassVar[str]
@@ -61,10 +51,10 @@ class RtdeDriver(Driver):
         self.state = state
 
     @property
-    def source(self) -> Source:
+    def source(self) -> driver.Source:
         """See `Driver.source`."""
         state, version = self.state, ".".join(map(str, self.state.version))
-        return Source(
+        return driver.Source(
             quantities=tuple(SIGNALS),
             channels=tuple(name for name, _ in recorded(state.version[:3], self.index).channels),
             format="rtde",
@@ -77,17 +67,19 @@ class RtdeDriver(Driver):
         )
 
     @abstractmethod
-    def move(self, execution: Execution, cancel: threading.Event, record: Record) -> Outcome:
+    def move(
+        self, execution: driver.Execution, cancel: threading.Event, record: Record
+    ) -> driver.Outcome:
         """Have the robot move beside a recording, which begins the conversation that moves it."""
 
     def execute(
         self,
-        execution: Execution,
-        recorder: Recorder | None,
+        execution: driver.Execution,
+        recorder: driver.Recorder | None,
         *,
         cancel: threading.Event | None = None,
         progress: Progress | None = None,
-    ) -> Outcome:
+    ) -> driver.Outcome:
         """See `Driver.execute`; another control rate, or a program that runs, is refused."""
         host, wish = self.state.host, cancel or threading.Event()
         if execution.rate_hz != self.state.rate_hz:
@@ -98,8 +90,8 @@ class RtdeDriver(Driver):
                 limit=f"{self.state.rate_hz} Hz",
             )
 
-        def record(converse: Converse) -> Outcome:
-            watchdog = Watchdog(
+        def record(converse: Converse) -> driver.Outcome:
+            watchdog = driver.Watchdog(
                 execution.limits,
                 execution.rate_hz,
                 execution.total,
@@ -138,7 +130,9 @@ class UrDriver(RtdeDriver):
 
     index = INDEX
 
-    def move(self, execution: Execution, cancel: threading.Event, record: Record) -> Outcome:
+    def move(
+        self, execution: driver.Execution, cancel: threading.Event, record: Record
+    ) -> driver.Outcome:
         """See `RtdeDriver.move`."""
         program = ur_program(
             execution.trajectory,
@@ -171,7 +165,7 @@ class _Program:
             self._port.drain()
         return self._fodder[self._count % 2]
 
-    def begun(self, cycle: Cycle, numbers: Numbers) -> bool:
+    def begun(self, cycle: driver.Cycle, numbers: Numbers) -> bool:
         """Whether it is on its way to the start."""
         return (
             cycle.runtime_state == RuntimeState.PLAYING
@@ -179,7 +173,7 @@ class _Program:
             and self._layout.number(numbers, STATE) == APPROACHING
         )
 
-    def over(self, cycle: Cycle, numbers: Numbers) -> bool:
+    def over(self, cycle: driver.Cycle, numbers: Numbers) -> bool:
         """Whether it has come to rest."""
         stopped = cycle.runtime_state != RuntimeState.PLAYING
         return stopped or self._layout.number(numbers, STATE) == DONE
@@ -229,10 +223,12 @@ class ServojDriver(RtdeDriver):
         super().__init__(state)
         require("rtde_control", "ur")
 
-    def move(self, execution: Execution, cancel: threading.Event, record: Record) -> Outcome:
+    def move(
+        self, execution: driver.Execution, cancel: threading.Event, record: Record
+    ) -> driver.Outcome:
         """See `RtdeDriver.move`."""
         if cancel.is_set():
-            return Outcome(samples=0, periods=0, gaps=0, abort=INTERRUPTED)
+            return driver.Outcome(samples=0, periods=0, gaps=0, abort=driver.INTERRUPTED)
         # What may fail comes before ur_rtde, which starts its program.
         starts, control = execution.setpoints()[:1], self._control(self.state.host)
         way = Way(control, (*execution.via[1:], *starts))
@@ -282,7 +278,7 @@ class Way(threading.Thread):
     def run(self) -> None:
         """See `threading.Thread`."""
         try:
-            self._control.setWatchdog(WATCHDOG_HZ)
+            self._control.setWatchdog(driver.WATCHDOG_HZ)
             for pose in self._poses:
                 self._wait(self._control.moveJ(pose.tolist(), APPROACH, APPROACH, True))
                 while self._control.getAsyncOperationProgress() >= 0:
@@ -316,7 +312,7 @@ class Stream:
         layout: Layout,
         feed: Recipe,
         port: ScriptPort,
-        execution: Execution,
+        execution: driver.Execution,
         way: Way,
     ) -> None:
         self._control, self._feed, self._execution = control, feed, execution
@@ -379,11 +375,11 @@ class Stream:
         self._way.leave()
         return True
 
-    def begun(self, cycle: Cycle, numbers: Numbers) -> bool:
+    def begun(self, cycle: driver.Cycle, numbers: Numbers) -> bool:
         """Whether ur_rtde's program runs and our number has arrived."""
         return cycle.runtime_state == RuntimeState.PLAYING and cycle.index < 0
 
-    def over(self, cycle: Cycle, numbers: Numbers) -> bool:
+    def over(self, cycle: driver.Cycle, numbers: Numbers) -> bool:
         """Whether the arm has had the time to arrive at the last set point."""
         return self._next > self._execution.total + self._hold
 

@@ -9,16 +9,7 @@ from dataclasses import replace
 from typing import Protocol
 
 from dynid.core import DynidError, JobError, Progress
-from dynid.drivers.driver import (
-    INTERRUPTED,
-    WATCHDOG_HZ,
-    Abort,
-    Cycle,
-    Execution,
-    Outcome,
-    Recorder,
-    Watchdog,
-)
+from dynid.drivers import driver
 from dynid.drivers.ur.link import Disconnected, RtdeLink
 from dynid.drivers.ur.state import Layout
 from dynid.protocol import Numbers, RuntimeState
@@ -51,11 +42,11 @@ class Conversation(Protocol):
         """
         ...
 
-    def begun(self, cycle: Cycle, numbers: Numbers) -> bool:
+    def begun(self, cycle: driver.Cycle, numbers: Numbers) -> bool:
         """Whether our motion runs; registers keep what an earlier one left there."""
         ...
 
-    def over(self, cycle: Cycle, numbers: Numbers) -> bool:
+    def over(self, cycle: driver.Cycle, numbers: Numbers) -> bool:
         """Whether it has ended, its last set point seen."""
         ...
 
@@ -75,7 +66,7 @@ class Pump(threading.Thread):
         self,
         link: RtdeLink,
         layout: Layout,
-        watchdog: Watchdog,
+        watchdog: driver.Watchdog,
         conversation: Conversation,
         *,
         cancel: threading.Event,
@@ -85,7 +76,7 @@ class Pump(threading.Thread):
         """Packages from the first set point to the last one or a stop, oldest first."""
         self.over = threading.Event()
         """Set when no more packages will come."""
-        self.abort: Abort | None = None
+        self.abort: driver.Abort | None = None
         """Why the motion was ended early."""
         self.fault: Exception | None = None
         """An error of ours that ended this thread, to be raised where somebody sees it."""
@@ -103,13 +94,13 @@ class Pump(threading.Thread):
         """Control cycles that never arrived."""
         return self._watchdog.gaps
 
-    def stop(self, abort: Abort) -> None:
+    def stop(self, abort: driver.Abort) -> None:
         """Stop the robot; the first cause is the one that counts."""
         with self._lock:
             if self.abort is not None:
                 return
             facts = self._link.messages[-2:]
-            if abort.code == "program" and self._pause > 1 / WATCHDOG_HZ:
+            if abort.code == "program" and self._pause > 1 / driver.WATCHDOG_HZ:
                 facts = [f"no package came for {self._pause:.2g} s", *facts]
             said = "; ".join(dict.fromkeys(facts))
             self.abort = replace(abort, message=f"{abort.message} ({said})") if said else abort
@@ -130,13 +121,15 @@ class Pump(threading.Thread):
                     if self._ended:
                         break
         except Disconnected as error:
-            self.stop(Abort("connection", str(error)))
+            self.stop(driver.Abort("connection", str(error)))
         except JobError as error:
-            self.stop(Abort("connection", f"the controller sends what cannot be read: {error}"))
+            self.stop(
+                driver.Abort("connection", f"the controller sends what cannot be read: {error}")
+            )
         # Nobody else watches the robot: whatever it is, first the robot stops.
         except Exception as error:
             self.fault = error
-            self.stop(Abort("program", f"dynid failed: {type(error).__name__}: {error}"))
+            self.stop(driver.Abort("program", f"dynid failed: {type(error).__name__}: {error}"))
         finally:
             self.over.set()
 
@@ -150,7 +143,7 @@ class Pump(threading.Thread):
         if moving and cycle.index >= 0 and self.abort is None:
             self.rows.append(numbers)
             if len(self.rows) > self._backlog:
-                self.stop(Abort("recording", "the recording cannot keep up with the robot"))
+                self.stop(driver.Abort("recording", "the recording cannot keep up with the robot"))
         if self.abort is None and not self._watchdog.finished:
             return
         # Another program may have taken the robot over, which need never end.
@@ -161,24 +154,24 @@ class Pump(threading.Thread):
             over = speed < _STILL and cycle.runtime_state != RuntimeState.PLAYING
         self._ended = over or self._after <= 0
 
-    def _answer(self, cycle: Cycle, numbers: Numbers) -> None:
+    def _answer(self, cycle: driver.Cycle, numbers: Numbers) -> None:
         words = refused = None
         try:
             words = self._conversation.answer(numbers)
         except Refused as error:
             # The state that explains it comes first.
-            refused = Abort("program", str(error))
+            refused = driver.Abort("program", str(error))
         if words is not None:
             self._link.write(words)
         if self._cancel.is_set():
-            self.stop(INTERRUPTED)
+            self.stop(driver.INTERRUPTED)
         elif abort := self._watchdog.see(cycle, begun=self._begun) or refused:
             self.stop(abort)
         elif not self._begun:
             self._patience -= 1
             if self._patience <= 0:
                 what = f"the program did not start within {START_S:g} s of robot time"
-                self.stop(Abort("start", what, _REFUSED))
+                self.stop(driver.Abort("start", what, _REFUSED))
 
 
 _LOOK_S = 0.02
@@ -192,9 +185,9 @@ class Intake:
 
     def __init__(
         self,
-        execution: Execution,
+        execution: driver.Execution,
         layout: Layout,
-        recorder: Recorder | None,
+        recorder: driver.Recorder | None,
         progress: Progress | None,
     ) -> None:
         self._execution, self._layout = execution, layout
@@ -203,7 +196,7 @@ class Intake:
         self._indices: set[int] = set()
         self._samples = 0
 
-    def take(self, pump: Pump) -> Outcome:
+    def take(self, pump: Pump) -> driver.Outcome:
         """Record until the pump has ended; whatever goes wrong here stops the robot."""
         try:
             # A look now and then: waking for every package would cost more than to record it.
@@ -211,7 +204,7 @@ class Intake:
                 self._empty(pump)
             self._empty(pump)
         except BaseException:
-            pump.stop(Abort("interrupted", "the program that records ended"))
+            pump.stop(driver.Abort("interrupted", "the program that records ended"))
             raise
         finally:
             pump.join()
@@ -223,7 +216,9 @@ class Intake:
             self._indices.issuperset(range(start, start + execution.cycles))
             for start in range(execution.first_recorded, execution.total, execution.cycles)
         )
-        return Outcome(samples=self._samples, periods=periods, gaps=pump.gaps, abort=pump.abort)
+        return driver.Outcome(
+            samples=self._samples, periods=periods, gaps=pump.gaps, abort=pump.abort
+        )
 
     def _empty(self, pump: Pump) -> None:
         execution, layout = self._execution, self._layout
@@ -244,7 +239,7 @@ class Intake:
             except DynidError as error:
                 self._recorder = None
                 # How rows are read is told at the end, when it is known whether there are any.
-                pump.stop(Abort("recording", error.changed(next_step=None).line))
+                pump.stop(driver.Abort("recording", error.changed(next_step=None).line))
             else:
                 self._samples += 1
                 self._indices.add(index)
