@@ -81,20 +81,16 @@ def model_to_json(model: ExportModel) -> dict[str, Any]:
 def model_from_json(data: Mapping[str, Any]) -> ExportModel:
     """The model of an object that `model_to_json` made."""
     robot, motors, load = robot_from_json(data["robot"]), data["coupled_motors"], data["load"]
-    return ExportModel(
+    return core.JsonFields(data).made(
+        ExportModel,
         robot=robot,
         inertials=_rows(data["links"]),
-        terms={str(symbol): np.array(values) for symbol, values in data["terms"].items()},
         width=np.array(data["coulomb_width"]),
         stribeck_velocity=np.broadcast_to(data["stribeck_velocity"], (robot.joints,)),
         shares=np.array([one["turns_per_joint_turn"] for one in motors]).reshape(-1, robot.joints),
         motors=tuple(one["motor"] - 1 for one in motors),
         load=None if load is None else _rows(load),
         ripples=regressor.ripples_from_json(core.JsonFields(data)),
-        presliding=np.array(data["presliding"]) if "presliding" in data else None,
-        physical=data["physical"],
-        worst=data["worst"],
-        origin=data["origin"],
     )
 
 
