@@ -73,10 +73,12 @@ def test_feasible_individuals_win_over_better_criteria() -> None:
 
 
 def test_the_whole_optimiser_certifies_its_best() -> None:
-    done = by_optimiser(problem(arm(torque=40.0), safe=True), GeneticAlgorithm(20, 2), seed=0)
-    assert done.finished.certificate.holds
-    assert done.search.ended_by == "generations"
-    values = [entry.value for entry in done.search.history if entry.feasible]
+    done, search = by_optimiser(
+        problem(arm(torque=40.0), safe=True), GeneticAlgorithm(20, 2), seed=0
+    )
+    assert done.certificate.holds
+    assert search.ended_by == "generations"
+    values = [entry.value for entry in search.history if entry.feasible]
     assert values == sorted(values, reverse=True)
 
 

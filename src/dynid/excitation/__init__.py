@@ -16,9 +16,9 @@ from dynid.excitation.evaluation import Search as Search
 from dynid.excitation.evaluation import SearchProgress as SearchProgress
 from dynid.excitation.optimise import DesignOptimiser as DesignOptimiser
 from dynid.excitation.optimise import ExcitationDesign as ExcitationDesign
+from dynid.excitation.optimise import Finished as Finished
 from dynid.excitation.optimise import GeneticAlgorithm as GeneticAlgorithm
 from dynid.excitation.optimise import MotionSearch as MotionSearch
-from dynid.excitation.optimise import Optimised as Optimised
 from dynid.excitation.optimise import by_gradient as by_gradient
 from dynid.excitation.optimise import by_optimiser as by_optimiser
 from dynid.excitation.purpose import ANYWHERE as ANYWHERE

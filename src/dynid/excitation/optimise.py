@@ -239,16 +239,6 @@ LEAST_MOTIONS = 40
 """A budget must let at least so many motions be looked at."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Optimised:
-    """A certified motion and the search behind it."""
-
-    finished: Finished
-    search: Search
-    wall_s: float
-    """Of the search and the certificates [s]."""
-
-
 @core.one_thread()
 def by_gradient(
     problem: ExcitationProblem,
@@ -257,7 +247,7 @@ def by_gradient(
     seed: int,
     beside: core.Workers | None = None,
     tell: SearchProgress | None = None,
-) -> Optimised:
+) -> tuple[Finished, Search]:
     """Design by gradients from many starts; see `multistart`."""
     search = multistart(problem, effort, seed=seed, beside=beside, tell=tell)
     return _finished(problem, search, effort.budget_s)
@@ -337,7 +327,7 @@ def by_optimiser(
     seed: int,
     budget_s: float | None = None,
     tell: SearchProgress | None = None,
-) -> Optimised:
+) -> tuple[Finished, Search]:
     """Design by the paper's genetic algorithm, or by an optimiser of one's own.
 
     Raises:
@@ -382,7 +372,9 @@ def by_optimiser(
     return _finished(problem, search, budget_s)
 
 
-def _finished(problem: ExcitationProblem, search: Search, budget_s: float | None) -> Optimised:
+def _finished(
+    problem: ExcitationProblem, search: Search, budget_s: float | None
+) -> tuple[Finished, Search]:
     best = search.best
     if best is None and search.ended_by == "interrupt":
         raise KeyboardInterrupt
@@ -404,4 +396,4 @@ def _finished(problem: ExcitationProblem, search: Search, budget_s: float | None
     over = search.ended_by in ("interrupt", "budget")
     finished = finish(search, evaluation, region, stop=lambda: over)
     search.evaluations += evaluation.evaluations
-    return Optimised(finished=finished, search=search, wall_s=search.wall_s)
+    return finished, search

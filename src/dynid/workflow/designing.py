@@ -148,8 +148,8 @@ class _DesignJob:
 
     def design(self, period_s: float) -> excitation.ExcitationDesign:
         """The design of one period."""
-        optimised = _optimised(self._problem(period_s, self.purpose), self.asked, self.tell)
-        return self._told(optimised, period_s)
+        found = _optimised(self._problem(period_s, self.purpose), self.asked, self.tell)
+        return self._told(*found, period_s)
 
     def shortest(self, percent: float) -> excitation.ExcitationDesign:
         """The shortest whole number of periods that is expected to reach an accuracy.
@@ -246,10 +246,10 @@ class _DesignJob:
         return high
 
     def _told(
-        self, optimised: excitation.Optimised, period_s: float
+        self, finished: excitation.Finished, search: excitation.Search, period_s: float
     ) -> excitation.ExcitationDesign:
-        asked, base, finished = self.asked, self.base, optimised.finished
-        problem, search = self._problem(period_s, None), optimised.search
+        asked, base, wall_s = self.asked, self.base, search.wall_s
+        problem = self._problem(period_s, None)
         certificate, robot = finished.certificate, self.robot
         motion = finished.trajectory.evaluate(problem.times)
         state = (motion.q, motion.dq, motion.ddq)
@@ -285,7 +285,7 @@ class _DesignJob:
             repair=finished.repair,
             evaluations=search.evaluations,
             starts=search.starts,
-            wall_s=optimised.wall_s,
+            wall_s=wall_s,
             seed=asked.seed,
             ended_by=search.ended_by,
             history=tuple(search.history),
@@ -322,7 +322,7 @@ class _DesignJob:
 
 def _optimised(
     problem: excitation.ExcitationProblem, asked: DesignSettings, tell: excitation.SearchProgress
-) -> excitation.Optimised:
+) -> tuple[excitation.Finished, excitation.Search]:
     method = asked.method
     if method == "ga":
         method = excitation.GeneticAlgorithm(asked.population, asked.generations)
