@@ -33,6 +33,8 @@ GRID_DECADES = 0.3
 """Distances that are tried are half a decade apart."""
 SAME_SIZE = 0.02
 """Shares of torque or radians to which noise lets two motions tell a size."""
+TURNED_RAD = 0.2
+"""Standard deviation of the angles between real axes of inertia and published ones."""
 MOST_LEFT = 2.8
 """Error over noise; with one distance for all joints it is 2.9 at least, from filtered positions
 3.8 with the right ones."""
@@ -331,6 +333,18 @@ def test_links_that_were_published_roughly_are_no_fault() -> None:
     rough = made.robot.inertias * draw.uniform(0.8, 1.2, n)[:, None]
     rough[:, 1:4] += rough[:, :1] * draw.uniform(-0.02, 0.02, (n, 3))
     assert findings_of(made.record, replace(made.robot, inertias=rough)) == ()
+
+
+@pytest.mark.parametrize(("name", "seed"), [("ur10e", 2), ("heavy", 12)])
+def test_tensors_that_are_turned_are_no_fault(name: str, seed: int) -> None:
+    """Published axes of inertia are those of drawings: a spring or another length fits as well."""
+    real, draw = plant(arm(name), seed), np.random.default_rng(seed)
+    half = np.cross(np.eye(3), TURNED_RAD * draw.normal(size=(len(real.mass), 1, 3))) / 2
+    turn = np.linalg.solve(np.eye(3) - half, np.eye(3) + half)
+    real = replace(real, second=turn @ real.second @ turn.swapaxes(1, 2))
+    path = motion(real.robot, "fourier", seed, 125.0, 20.0)
+    made = _measured(real, path.q, path.dq, 1 / 125.0)
+    assert [f for f in findings_of(made, real.robot) if f.severity != "info"] == []
 
 
 @pytest.mark.parametrize(

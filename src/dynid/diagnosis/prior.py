@@ -22,8 +22,9 @@ def link_prior(robot: RobotModel) -> tuple[Array, Array]:
     """(10 n) inertial parameters and (10 n, 10 n) their covariance, from what is published.
 
     Bodies are drawn about the published ones, so that the covariance knows that a heavier link
-    has larger moments. Where a mass is unpublished, they are drawn about a uniform rod along the
-    link whose mass is unknown: its centre is still beside the link, not anywhere.
+    has larger moments. Published tensors are turned, too: many leave out the products of inertia.
+    Where a mass is unpublished, they are drawn about a uniform rod along the link whose mass is
+    unknown: its centre is still beside the link, not anywhere.
     """
     n = robot.joints
     steps = np.concatenate([robot.placements[1:, :3, 3], robot.flange[None, :3, 3]])
@@ -36,13 +37,14 @@ def link_prior(robot: RobotModel) -> tuple[Array, Array]:
     for k in range(n):
         part, place = slice(10 * k, 10 * k + 10), inverse(frames[k])
         if robot.published[k]:
-            tensor = UNKNOWN_TENSOR if np.isnan(robot.inertias[k]).any() else TENSOR_SPREAD
-            row, spreads = prior_link(robot, k), (MASS_SPREAD, CENTRE_SPREAD_M, tensor)
+            guess = np.isnan(robot.inertias[k]).any()
+            tensor = (UNKNOWN_TENSOR, 0.0) if guess else (TENSOR_SPREAD, TENSOR_SPREAD)
+            row, spreads = prior_link(robot, k), (MASS_SPREAD, CENTRE_SPREAD_M, *tensor)
             thick = BALL_M / np.sqrt(5)
         else:
             # Axes of wrists meet, where no length tells a mass: too much is safer than too little.
             row = move(guessed[k], frames[k]) * max(1.0, usual / guessed[k, 0])
-            spreads = (UNKNOWN_MASS, UNKNOWN_CENTRE * longest, UNKNOWN_TENSOR)
+            spreads = (UNKNOWN_MASS, UNKNOWN_CENTRE * longest, UNKNOWN_TENSOR, 0.0)
             thick = UNKNOWN_THICK * longest
         drawn = from_pseudo_inertia(place @ _drawn(draw, row, thick, *spreads) @ place.T)
         mean[part] = move(row, place)
@@ -57,6 +59,7 @@ def _drawn(
     mass_log: float,
     centre_m: float,
     tensor_log: float,
+    turn_rad: float,
 ) -> Array:
     """The pseudo-inertias (DRAWS, 4, 4) of bodies near another."""
     normal = draw.normal(size=(DRAWS, 7))
@@ -67,8 +70,10 @@ def _drawn(
     factor = np.exp(mass_log * normal[:, 3])
     levers = np.ones((DRAWS, 4))
     levers[:, :3] = centre + centre_m * normal[:, 4:]
+    half = np.cross(np.eye(3), turn_rad * draw.spawn(1)[0].normal(size=(DRAWS, 1, 3))) / 2
+    turned = axes @ np.linalg.solve(np.eye(3) - half, np.eye(3) + half)
     bodies = (row[0] * factor)[:, None, None] * levers[:, :, None] * levers[:, None]
-    bodies[:, :3, :3] += (axes * (factor[:, None] * sizes)[:, None]) @ axes.T
+    bodies[:, :3, :3] += (turned * (factor[:, None] * sizes)[:, None]) @ turned.swapaxes(1, 2)
     return bodies
 
 
