@@ -199,6 +199,8 @@ def _explained(recording: Recording, prior: tuple[Array, Array]) -> Explained:
     if not explained.found:
         return explained
     _, touched = untouched(explained.reference, explained.values)
+    changes_s = [t for item in explained.found for t in item.changes_s]
+    touched = tuple(one for one in touched if not _meets(recording, one, changes_s))
     rows = rows_of(touched, recording.t)
     if not 0.0 < rows.mean() < MOST_TOUCHED:
         return explained

@@ -132,10 +132,11 @@ def contacts(
             break
         if len(loaded) == 0:
             continue
-        # What one joint shows alone, and less than its friction, may be its friction.
+        # What one joint shows alone where it turns back or rests, and less than its friction, may
+        # be its friction.
         others = np.sort(ratio[group].max(axis=0))[:-1]
-        pushed = np.abs(mean[group]).max(axis=0)[loaded] > held[loaded]
-        if not (others > LOADED).any() and not pushed.any():
+        pushed = np.abs(mean[group]) > held * (kinds[group] > 0)
+        if not (others > LOADED).any() and not pushed[:, loaded].any():
             continue
         found.append(
             Contact(
