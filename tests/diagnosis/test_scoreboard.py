@@ -45,7 +45,6 @@ CLEAN = (
     # The clocks seem 60 ms apart, and 48 ms of that a delay the other way.
     Case(arm="ur5", motion="teach", rate_hz=125.0, duration_s=10.0, seed=775454470),
     # Two or three ways, which a spring, another order, another zero and a payload fit as well.
-    Case(arm="heavy", motion="teach", rate_hz=250.0, duration_s=12.0, seed=17868355),
     Case(arm="seven", motion="teach", rate_hz=250.0, duration_s=12.0, seed=685732222),
     Case(arm="ur10e", motion="teach", rate_hz=125.0, duration_s=10.0, seed=51209129),
     Case(arm="ur3", motion="teach", rate_hz=125.0, duration_s=15.0, seed=785306333),
@@ -92,6 +91,16 @@ PLANTED = (
     ("heavy", "teach", 125.0, 8.0, 510099293, "gain", "large"),
     # Two moves: all joints show it together, none alone.
     ("ur10e", "teach", 250.0, 15.0, 622673233, "friction_drift", "large"),
+    # Each way shows another part of it.
+    ("ur5", "waypoints", 500.0, 15.0, 282437653, "spring", "large"),
+    # A spring, found first, is none beside it.
+    ("seven", "teach", 125.0, 10.0, 117912028, "friction_drift", "large"),
+    # Nearly all of its torque is friction, which drives where the sign is wrong.
+    ("ur5", "waypoints", 250.0, 15.0, 809182549, "reversed", "large"),
+    # Three other kinds explain it better, by a plain model.
+    ("heavy", "teach", 250.0, 15.0, 913451964, "gravity_compensated", "large"),
+    # One joint alone shows it, as it moves: half of its friction would have gone.
+    ("heavy", "fourier", 125.0, 10.0, 619081743, "contact", "medium"),
 )
 SLOW = (
     # The information is in few stretches: fits without one of them still agree on it.

@@ -6,15 +6,8 @@ import numpy as np
 
 from dynid.core import Array, scipy_part
 from dynid.diagnosis.events import strokes
-from dynid.diagnosis.hypotheses import (
-    COUPLED,
-    Hypothesis,
-    Scored,
-    Undo,
-    drops,
-    hypotheses,
-    score,
-)
+from dynid.diagnosis.evidence import Scored, drops, score
+from dynid.diagnosis.hypotheses import COUPLED, Hypothesis, Undo, hypotheses
 from dynid.diagnosis.prior import link_prior, with_payload
 from dynid.diagnosis.residual import (
     BLOCKS,
@@ -28,6 +21,8 @@ from dynid.diagnosis.residual import (
     sums_of,
 )
 from dynid.diagnosis.whole_signals import (
+    DRIVES,
+    IMPOSSIBLE,
     STEP_S,
     angle_between,
     doubtful,
@@ -49,8 +44,6 @@ WHOLE_LIKELY, OFFSET_LIKELY = 24.0, 40.0
 """Drop that a signal needs that is reversed or exchanged: there are hundreds to choose from; and
 one that was shifted in time, which short motions without repetition bear better, and motors that
 are coupled, whose friction may take any shape [nats]."""
-DRIVES, IMPOSSIBLE = -0.2, 48.0
-"""Power of friction, over all of a joint, that no friction has, and what it costs a fit [nats]."""
 EQUAL = 0.8
 """Share of the best explanation's score from which another cannot be told from it."""
 TURNS, FINEST_TURNS, MOST_STEPS = 0.1, 0.005, 16
@@ -159,6 +152,12 @@ def explain(
         else:
             recording = best.undo(recording, first.values)
         fitted = _fitted(recording, prior, added, None if best.kind == "payload" else links)
+        for known in [one for one in added if not _same(found[-1], one)]:
+            rest = [one for one in added if one is not known]
+            others = [e for e in found if not _same(e, known)]
+            if not _stands(recording, prior, rest, known, others):
+                added, found = rest, others
+                fitted = _fitted(recording, prior, added, links)
     if any(e.kind == "clock_offset" and abs(e.value) < STEP_S / 2 for e in found):
         # Corrected until nothing was left of it: it was none.
         return explain(told, published, offsets=False)
@@ -244,6 +243,20 @@ def _ranked(both: tuple[_Fitted, _Fitted], found: list[Explanation]) -> list[Sco
     return sorted(out, key=lambda s: -s.score)
 
 
+def _stands(
+    recording: Recording,
+    prior: tuple[Array, Array],
+    added: list[Hypothesis],
+    known: Hypothesis,
+    found: list[Explanation],
+) -> bool:
+    """Whether an explanation is still one beside those that were found after it."""
+    whole = _fitted(recording, prior, added)
+    fast = _fitted(recording.fast(), prior, added, whole[2][: 10 * recording.robot.joints])
+    shown = (one.hypothesis for one in _ranked((whole, fast), found))
+    return any((one.kind, one.joints) == (known.kind, known.joints) for one in shown)
+
+
 def _outweighs(one: Scored, other: Scored, *, by_all: bool) -> bool:
     """Whether one fit shows a fault so well that the other need only agree on its size.
 
@@ -251,9 +264,10 @@ def _outweighs(one: Scored, other: Scored, *, by_all: bool) -> bool:
     of a body that comes and goes, whose rows were chosen, has to be sure then.
     """
     kind = one.hypothesis.kind
-    agrees = abs(one.value - other.value) < 2 * np.hypot(one.std, other.std)
+    (size, std), (another, spread) = one.along(one.surest), other.along(one.surest)
+    agrees = abs(size - another) < 2 * np.hypot(std, spread)
     alone = by_all and kind not in COUPLED
-    leans = other.certainty > 1 and (by_all or kind not in LIKE_FRICTION)
+    leans = abs(another) > spread and (by_all or kind not in LIKE_FRICTION)
     sure = not one.hypothesis.told or abs(one.value) > _by_chance(1) * one.std
     likely = one.score > LIKELY and sure
     return bool(likely and agrees and (alone or leans))

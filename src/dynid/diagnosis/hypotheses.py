@@ -1,8 +1,6 @@
-"""Rival explanations of what the reference model leaves, and how likely each is.
+"""Rival explanations of what the reference model leaves.
 
 Near nothing every fault is linear: the derivative of the torques by its size is one more column.
-A rival is judged by the likelihood of blocks that were left out, and by how far it moves the
-parameters from what is published.
 """
 
 from collections.abc import Callable, Iterator
@@ -13,7 +11,7 @@ import numpy as np
 from dynid.core import Array
 from dynid.diagnosis.payloads import changes_of, loaded
 from dynid.diagnosis.prior import of_the_last_link
-from dynid.diagnosis.residual import BLOCKS, LEAST_ERROR, Fits, Recording, Reference, solution
+from dynid.diagnosis.residual import BLOCKS, Recording, Reference
 from dynid.regressor import InverseDynamicModel, motor_turns
 from dynid.robot import RobotModel
 
@@ -26,8 +24,6 @@ it is [m]."""
 MOST_CARRIED = 5.0
 """... and how many times as much it may carry."""
 LEAST_DELAY_S = 0.006
-WIDENINGS = 3
-"""Solutions until the spread of a fault's sizes holds those that were found."""
 LEAST_ARM_M = 0.02
 """Shorter offsets between joints have no length that could be wrong."""
 FARTHEST = 2
@@ -72,24 +68,6 @@ class Hypothesis:
         """(m) the width that sizes (m) show, far from zero or not."""
         share = float(np.sqrt(np.square(sizes / self.width).mean()))
         return min(max(share, 1.0), self.widest) * self.width
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Scored:
-    """How well a hypothesis explains what is left."""
-
-    hypothesis: Hypothesis
-    value: float
-    """Its size, one number."""
-    std: float
-    values: Array
-    """(m) its sizes."""
-    score: float
-    """Drop of the negative log likelihood of left-out blocks and of the prior [nats]."""
-    evidence: float
-    """Log of the Bayes factor over the reference [nats]."""
-    certainty: float
-    """The largest of its sizes over their standard deviations."""
 
 
 class _Torques:
@@ -289,16 +267,15 @@ def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
             columns=torques.columns(torques.slope(1e-4, torques.at(robot=longer))),
             undo=lambda r, x: replace(r, robot=_longer(r.robot, j, float(x[0]))),
         )  # fmt: skip
-    place = rec.q[:, j] - rec.q[:, j].mean()
-    place = place / max(float(np.abs(place).max()), 1e-9)
-    shapes = np.zeros((3, *rec.q.shape))
-    for k in range(3):
-        shapes[k, :, j] = place ** (k + 1)
+    # Chebyshev polynomials of the place within its travel.
+    place = (rec.q[:, j] - rec.q[:, j].min()) / max(float(np.ptp(rec.q[:, j])), 1e-9)
+    shapes: Array = np.zeros((3, *rec.q.shape))
+    shapes[:, :, j] = np.cos(np.outer([1, 2, 3], np.arccos(2 * place - 1)))
     # A dead torque has no springs of any size, but its rows are judged all the same.
     size = max(float(np.sqrt(np.square(rec.tau[:, j]).mean())), 1e-6)
     yield Hypothesis(
         kind="spring", joints=(j,), unit="N" if slides else "N.m", width=np.full(3, size),
-        least=0.02 * size, columns=torques.columns(shapes[0], shapes[1], shapes[2]),
+        least=0.02 * size, columns=torques.columns(*shapes),
     )  # fmt: skip
 
 
@@ -384,116 +361,3 @@ def _tilted(robot: RobotModel, lean: Array) -> RobotModel:
     first /= np.linalg.norm(first)
     turned = down + lean[0] * first + lean[1] * np.cross(down, first)
     return replace(robot, gravity=turned * (size / np.linalg.norm(turned)))
-
-
-def drops(found: Fits, rivals: list[Hypothesis]) -> list[float]:
-    """Drop of the negative log likelihood and prior by each rival alone [nats].
-
-    Every row counts as independent, whatever the errors of the reference look like: where a rival
-    is true, they are those of the fault.
-    """
-    length = found.rows / found.counts
-    every = replace(found, weights=found.weights * length)
-    normal, vector = _eliminated(every, every.weighted())[:2]
-    out: list[float] = []
-    first = 0
-    for rival in rivals:
-        part = slice(first, first + len(rival.columns))
-        first = part.stop
-        own = normal[part, part] + np.diag(1 / np.square(rival.width))
-        out.append(0.5 * float(vector[part] @ np.linalg.solve(own, vector[part])))
-    return out
-
-
-def _eliminated(found: Fits, blocks: Array) -> tuple[Array, Array, Array]:
-    """What its weighted sums leave for added columns without its own parameters, p = p0 - Z x.
-
-    Returns:
-        (m, m) normal matrix, (m) right side; (p, m + 1) Z and p0.
-    """
-    p = found.own
-    total = blocks.sum(axis=0)
-    right = total[:p, p:].copy()
-    right[:, -1] += found.precision @ found.mean
-    solved = solution(total[:p, :p] + found.precision, right)
-    left: Array = np.asarray(total[p:-1, p:] - total[p:-1, :p] @ solved, dtype=np.float64)
-    return left[:, :-1], left[:, -1], solved
-
-
-def score(found: Fits, rival: Hypothesis, alone: Fits, parts: float) -> Scored:
-    """Score a rival against the reference.
-
-    Args:
-        found: Sums of the reference's columns, then the rival's.
-        rival: The rival.
-        alone: Those of the reference without it, with the spread of inertias that it has then.
-        parts: How many of the blocks are independent.
-    """
-    p, m, blocks = found.own, len(rival.columns), found.weighted()
-    normal, vector, solved = _eliminated(found, blocks)
-    # Sizes far beyond the usual are not pulled toward it: theirs is the spread that they show.
-    prior, inverse, x = normal, normal, np.zeros(m)
-    for _ in range(WIDENINGS):
-        prior = np.diag(1 / np.square(rival.holding(x)))
-        inverse = np.asarray(np.linalg.inv(normal + prior), dtype=np.float64)
-        x = inverse @ vector
-    values = solved[:, -1] - solved[:, :-1] @ x
-    widened = np.zeros((p + m, p + m))
-    widened[:p, :p], widened[p:, p:] = found.precision, prior
-    mean = np.append(found.mean, np.zeros(m))
-    precision, links = found.precision.copy(), len(alone.inertial)
-    precision[:links, :links] = alone.precision[:links, :links]
-    without = replace(found, precision=precision, widening=alone.widening)
-    before, _ = left_out(without, blocks)
-    after, each = left_out(replace(found, own=p + m, mean=mean, precision=widened), blocks)
-    away = each[:, p:] - each[:, p:].mean(axis=0)
-    spread = np.sqrt((BLOCKS - 1) / parts * np.square(away).sum(axis=0))
-    stds = np.hypot(spread, np.sqrt(np.maximum(np.diag(inverse), 0.0)))
-    value, std = _one_number(rival.kind, x, stds)
-    ratios = np.abs(np.append(x, value)) / np.maximum(np.append(stds, std), 1e-300)
-    gain = 0.5 * float(found.counts @ np.log(before / after))
-    normal, vector, solved = _eliminated(without, blocks)
-    unlikely = without.penalty(solved[:, -1]) - found.penalty(values)
-    within: Array = np.asarray(np.linalg.inv(normal + prior), dtype=np.float64)
-    occam = float(np.linalg.slogdet(within)[1]) + float(np.log(np.diag(prior)).sum())
-    chosen = rival.told * float(np.log(rival.columns.shape[-1]))
-    return Scored(
-        hypothesis=rival,
-        value=value,
-        std=std,
-        values=x,
-        score=gain + unlikely - 0.5 * float(x @ prior @ x) - chosen,
-        evidence=0.5 * (float(vector @ within @ vector) + occam) - chosen,
-        certainty=float(ratios.max()),
-    )
-
-
-def left_out(found: Fits, blocks: Array) -> tuple[Array, Array]:
-    """Squared errors (n) that a reference leaves in blocks left out, and its parameters then.
-
-    The parameters are (BLOCKS, p), a row for each block that was left out. `blocks` are the
-    weighted sums.
-    """
-    p = found.own
-    total = blocks.sum(axis=0)
-    errors, each = np.zeros(found.sums.shape[1]), np.empty((BLOCKS, p))
-    for k, block in enumerate(found.sums):
-        weighted = total - blocks[k]
-        right = weighted[:p, -1:] + (found.precision @ found.mean)[:, None]
-        each[k] = solution(weighted[:p, :p] + found.precision, right)[:, 0]
-        way = np.zeros(len(total))
-        way[:p], way[-1] = -each[k], 1.0
-        errors += (block @ way) @ way
-    least = LEAST_ERROR * found.sums[:, :, -1, -1].sum(axis=0) + 1e-18 * found.rows
-    return np.maximum(errors, least), each
-
-
-def _one_number(kind: str, values: Array, std: Array) -> tuple[float, float]:
-    """Size of an explanation with several sizes, and its standard deviation."""
-    if kind.startswith("payload") or len(values) == 1:
-        return float(values[0]), float(std[0])
-    if kind == "friction_drift":
-        weight = 1 / np.square(np.maximum(std, 1e-12))
-        return float(weight @ values / weight.sum()), float(1 / np.sqrt(weight.sum()))
-    norm = float(np.linalg.norm(values))
-    return norm, float(np.sqrt(np.square(values / max(norm, 1e-300)) @ np.square(std)))

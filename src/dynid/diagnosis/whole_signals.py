@@ -20,12 +20,12 @@ STRANGE = 2.5
 light links of another joint leave as little."""
 LEAST_POWER = -0.05
 """Power of friction over all power of a joint: friction that drives says the same."""
+DRIVES, IMPOSSIBLE = -0.2, 48.0
+"""Power of friction, over all of a joint, that no friction has, and what it costs a fit [nats]."""
 ROWS, EQUATIONS = 500, 3500
 """Most rows that are looked at, and equations of all joints."""
 PAIRED = 7
 """Joints of which pairs are tried: those that are explained worst."""
-WHOLE_LOOKS = 3
-"""Kinds that get a fit of the reference."""
 SWEEPS = 4
 WIDEST_S, STEP_S = 1.5, 0.06
 """Offsets between the clocks of torques and motion that are tried."""
@@ -66,7 +66,7 @@ def whole_signals(
         prior: Of the inertial parameters.
 
     Returns:
-        The best first, at most `WHOLE_LOOKS`.
+        The best first.
     """
     rec = ref.recording
     share = _share(ref, values)
@@ -78,8 +78,7 @@ def whole_signals(
         drop = own - plain.cost(rival.recording, rival.gravity)
         if drop > (best[rival.kind].score if rival.kind in best else 0.0):
             best[rival.kind] = replace(rival, score=drop)
-    most = sorted(best.values(), key=lambda found: -found.score)[:WHOLE_LOOKS]
-    return [_in_its_gravity(found) for found in most]
+    return [_in_its_gravity(w) for w in sorted(best.values(), key=lambda found: -found.score)]
 
 
 def _in_its_gravity(found: WholeSignal) -> WholeSignal:
@@ -215,6 +214,8 @@ class _Products:
     """(n, p, p)"""
     known: Array
     """(n, T) torques of counterbalances."""
+    dq: Array
+    """(n, T)"""
     fast: Array
     """(n) usual top speeds."""
     top: Array
@@ -253,6 +254,7 @@ class _Plain:
             columns=columns,
             square=np.matmul(columns.transpose(1, 0, 2), columns.transpose(1, 2, 0)),
             known=self.model.known_torque(q).T,
+            dq=dq.T,
             fast=fast,
             top=np.maximum(np.abs(ddq).max(axis=0), 1e-9),
         )
@@ -320,4 +322,8 @@ class _Plain:
             left = energy - 2 * cross @ values + (of.square @ values) @ values
             noise = np.maximum(left / rows, 1e-8 * energy / rows + 1e-18)
         away = values - mean
-        return 0.5 * float(counts @ np.log(noise)) + 0.5 * float(away @ precision @ away)
+        dry = values[-n:, None] * of.columns[-n:].diagonal().T
+        friction = values[10 * n : 11 * n, None] * of.dq + dry
+        power = (friction * of.dq).sum(axis=1) / (np.abs(torque * of.dq).sum(axis=1) + 1e-300)
+        unlikely = 0.5 * float(away @ precision @ away) + IMPOSSIBLE * int((power < DRIVES).sum())
+        return 0.5 * float(counts @ np.log(noise)) + unlikely
