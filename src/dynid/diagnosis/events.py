@@ -7,6 +7,7 @@ import numpy as np
 from dynid.core import Array, Indices, Mask, scipy_part
 from dynid.diagnosis.residual import (
     BLOCKS,
+    NO_ERROR,
     SHAPES,
     SLOW,
     STEPPED,
@@ -211,7 +212,8 @@ def torque_deviations(ref: Reference, values: Array) -> Array:
     A motion that the recording shows once is known less well than one that it shows often.
     """
     rows, columns = ref.left(values), ref.recording.measured(ref.columns)
-    noise = np.maximum(np.square(rows).mean(axis=1) * correlation_length(rows, ref.period), 1e-18)
+    noise = np.square(rows).mean(axis=1) * correlation_length(rows, ref.period)
+    noise = np.maximum(noise, NO_ERROR)
     sums = np.matmul(columns.transpose(1, 0, 2), columns.transpose(1, 2, 0))
     root = np.linalg.cholesky(np.tensordot(1 / noise, sums, axes=1) + ref.precision)
     turned = np.linalg.solve(root, ref.columns.reshape(len(root), -1))

@@ -47,6 +47,8 @@ ROUGHEST = 5.0
 """Most that their spread is wider."""
 LEAST_ERROR = 1e-7
 """Square of the error that counts as none, share of that of the torque: rounding."""
+NO_ERROR = 1e-12
+"""... and of a torque of zero [(N.m)^2 or N^2]: weights of more lose the prior to rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -427,7 +429,7 @@ def fits(ref: Reference) -> tuple[Fits, Array]:
     found = Fits(
         sums=sums_of(ref),
         rows=rows,
-        weights=1 / np.maximum(np.square(ref.torque).mean(axis=1), 1e-12),
+        weights=1 / np.maximum(np.square(ref.torque).mean(axis=1), NO_ERROR),
         counts=rows,
         mean=ref.mean,
         precision=ref.precision,
@@ -460,7 +462,7 @@ def settled(ref: Reference, found: Fits, sweeps: int) -> tuple[Fits, Array]:
     p, shapes = found.own, np.arange(found.own)[ref.shapes]
     widest, links = ref.precision[shapes, shapes], len(found.inertial)
     values = np.zeros(p)
-    least = LEAST_ERROR * np.square(ref.torque).mean(axis=1) + 1e-18
+    least = LEAST_ERROR * np.square(ref.torque).mean(axis=1) + NO_ERROR
     sums = found.sums.sum(axis=0)
     for _ in range(sweeps):
         total: Array = np.asarray(np.tensordot(found.weights, sums, axes=1), np.float64)
