@@ -45,6 +45,7 @@ CLEAN = (
     # The clocks seem 60 ms apart, and 48 ms of that a delay the other way.
     Case(arm="ur5", motion="teach", rate_hz=125.0, duration_s=10.0, seed=775454470),
     # Two or three ways, which a spring, another order, another zero and a payload fit as well.
+    Case(arm="heavy", motion="teach", rate_hz=250.0, duration_s=12.0, seed=17868355),
     Case(arm="seven", motion="teach", rate_hz=250.0, duration_s=12.0, seed=685732222),
     Case(arm="ur10e", motion="teach", rate_hz=125.0, duration_s=10.0, seed=51209129),
     Case(arm="ur3", motion="teach", rate_hz=125.0, duration_s=15.0, seed=785306333),

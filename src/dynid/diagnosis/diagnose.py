@@ -199,8 +199,7 @@ def _explained(recording: Recording, prior: tuple[Array, Array]) -> Explained:
     if not explained.found:
         return explained
     _, touched = untouched(explained.reference, explained.values)
-    changes_s = [t for item in explained.found for t in item.changes_s]
-    touched = tuple(one for one in touched if not _meets(recording, one, changes_s))
+    touched = tuple(one for one in touched if not _meets(recording, one, explained))
     rows = rows_of(touched, recording.t)
     if not 0.0 < rows.mean() < MOST_TOUCHED:
         return explained
@@ -375,8 +374,7 @@ def _signals(
         # Friction was taken off where joints move; what holds one of them at rest is not known.
         touched = tuple(c for c in touched if len(c.joints) > 1 or _moving(rec, c))
     if not made:
-        changes = [t for item in explained.found for t in item.changes_s]
-        told = [c for c in touched if not _meets(rec, c, changes)]
+        told = [c for c in touched if not _meets(rec, c, explained)]
         found += [_touched(c, robot) for c in told if not set(c.joints) <= doubted]
     for j in range(robot.joints):
         wave = ripple(rec, error, j, LEAST_RIPPLE * float(limit[j]), touched)
@@ -417,10 +415,11 @@ def _signals(
     return found
 
 
-def _meets(rec: Recording, contact: Contact, changes_s: Sequence[float]) -> bool:
+def _meets(rec: Recording, contact: Contact, explained: Explained) -> bool:
     """Whether a contact begins and ends at changes of a payload, which are told to a row."""
     near = NEXT_S + rec.block * float(rec.t[1] - rec.t[0])
     ends = (contact.start_s, contact.stop_s)
+    changes_s = [t for item in explained.found for t in item.changes_s]
     return all(any(abs(end - t) <= near for t in changes_s) for end in ends)
 
 

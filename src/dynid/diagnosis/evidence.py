@@ -107,16 +107,9 @@ def score(found: Fits, rival: Hypothesis, alone: Fits, parts: float) -> Scored:
     after, each = left_out(replace(found, own=p + m, mean=mean, precision=widened), blocks)
     away = each[:, p:] - each[:, p:].mean(axis=0)
     covariance = inverse + (BLOCKS - 1) / parts * away.T @ away
-    stds = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    told = _told(rival.kind, x, stds)
-    value, std = float(told @ x), float(np.linalg.norm(told * stds))
-    ways = np.eye(m)
-    if rival.kind in ARBITRARY:
-        ways = np.linalg.eigh(normal)[1].T
-    ways = np.vstack([ways, told])
-    spread = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", ways, covariance, ways), 0.0))
-    spread[-1] = std
-    ratios = np.abs(ways @ x) / np.maximum(spread, 1e-300)
+    value, std = _one_number(rival.kind, x, np.sqrt(np.diag(covariance)))
+    ways = np.linalg.eigh(normal)[1].T if rival.kind in ARBITRARY else np.eye(m)
+    ratios = np.abs(ways @ x) / np.sqrt(np.einsum("ij,jk,ik->i", ways, covariance, ways))
     gain = 0.5 * float(found.counts @ np.log(before / after))
     normal, vector, solved = _eliminated(without, blocks)
     unlikely = without.penalty(solved[:, -1]) - found.penalty(values)
@@ -156,11 +149,12 @@ def left_out(found: Fits, blocks: Array) -> tuple[Array, Array]:
     return np.maximum(errors, least), each
 
 
-def _told(kind: str, values: Array, std: Array) -> Array:
-    """(m) the combination of an explanation's sizes that is told as its size."""
+def _one_number(kind: str, values: Array, std: Array) -> tuple[float, float]:
+    """Size of an explanation with several sizes, and its standard deviation."""
     if kind.startswith("payload") or len(values) == 1:
-        return np.eye(len(values))[0]
+        return float(values[0]), float(std[0])
     if kind == "friction_drift":
-        weight = 1 / np.square(np.maximum(std, 1e-12))
-        return weight / weight.sum()
-    return values / max(float(np.linalg.norm(values)), 1e-300)
+        weight = 1 / np.square(std)
+        return float(weight @ values / weight.sum()), float(1 / np.sqrt(weight.sum()))
+    norm = float(np.linalg.norm(values))
+    return norm, float(np.sqrt(np.square(values / max(norm, 1e-300)) @ np.square(std)))

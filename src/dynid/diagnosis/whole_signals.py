@@ -57,16 +57,13 @@ class WholeSignal:
 def whole_signals(
     ref: Reference, sums: Fits, values: Array, prior: tuple[Array, Array]
 ) -> list[WholeSignal]:
-    """The signals that explain most when they are put right, one of a kind, by a plain model.
+    """The signal of each kind that explains most when it is put right, by a plain model.
 
     Args:
         ref: The reference.
         sums: Its sums.
         values: (p) its parameters.
         prior: Of the inertial parameters.
-
-    Returns:
-        The best first.
     """
     rec = ref.recording
     share = _share(ref, values)
@@ -78,7 +75,7 @@ def whole_signals(
         drop = own - plain.cost(rival.recording, rival.gravity)
         if drop > (best[rival.kind].score if rival.kind in best else 0.0):
             best[rival.kind] = replace(rival, score=drop)
-    return [_in_its_gravity(w) for w in sorted(best.values(), key=lambda found: -found.score)]
+    return [_in_its_gravity(found) for found in best.values()]
 
 
 def _in_its_gravity(found: WholeSignal) -> WholeSignal:
