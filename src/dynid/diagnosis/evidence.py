@@ -13,8 +13,8 @@ from dynid.diagnosis.hypotheses import Hypothesis
 from dynid.diagnosis.residual import BLOCKS, LEAST_ERROR, Fits, solution
 
 ARBITRARY = frozenset({"spring", "mounting"})
-"""Kinds whose sizes are those of some basis: combinations of them are as good, and those that the
-motion tells apart are the ones to judge."""
+"""Kinds whose sizes refer to an arbitrary basis: combinations are judged, those that the motion
+tells apart."""
 WIDENINGS = 3
 """Solutions until the spread of a fault's sizes holds those that were found."""
 
@@ -38,11 +38,11 @@ class Scored:
     surest: Array
     """(m) the combination of its sizes that is largest over its standard deviation."""
     certainty: float
-    """How many of them it is."""
+    """That ratio."""
 
-    def along(self, way: Array) -> tuple[float, float]:
-        """A combination (m) of its sizes, and the standard deviation of it."""
-        return float(way @ self.values), float(np.sqrt(way @ self.covariance @ way))
+    def combined(self, weights: Array) -> tuple[float, float]:
+        """A combination of its sizes, by weights (m), and its standard deviation."""
+        return float(weights @ self.values), float(np.sqrt(weights @ self.covariance @ weights))
 
 
 def drops(found: Fits, rivals: list[Hypothesis]) -> list[float]:
@@ -108,8 +108,9 @@ def score(found: Fits, rival: Hypothesis, alone: Fits, parts: float) -> Scored:
     away = each[:, p:] - each[:, p:].mean(axis=0)
     covariance = inverse + (BLOCKS - 1) / parts * away.T @ away
     value, std = _one_number(rival.kind, x, np.sqrt(np.diag(covariance)))
-    ways = np.linalg.eigh(normal)[1].T if rival.kind in ARBITRARY else np.eye(m)
-    ratios = np.abs(ways @ x) / np.sqrt(np.einsum("ij,jk,ik->i", ways, covariance, ways))
+    combinations = np.linalg.eigh(normal)[1].T if rival.kind in ARBITRARY else np.eye(m)
+    spread = np.sqrt(np.einsum("ij,jk,ik->i", combinations, covariance, combinations))
+    ratios = np.abs(combinations @ x) / spread
     gain = 0.5 * float(found.counts @ np.log(before / after))
     normal, vector, solved = _eliminated(without, blocks)
     unlikely = without.penalty(solved[:, -1]) - found.penalty(values)
@@ -124,7 +125,7 @@ def score(found: Fits, rival: Hypothesis, alone: Fits, parts: float) -> Scored:
         score=gain + unlikely - 0.5 * float(x @ prior @ x) - chosen,
         evidence=0.5 * (float(vector @ within @ vector) + occam) - chosen,
         covariance=covariance,
-        surest=ways[int(ratios.argmax())],
+        surest=combinations[int(ratios.argmax())],
         certainty=float(ratios.max()),
     )
 

@@ -250,7 +250,7 @@ def _stands(
     known: Hypothesis,
     found: list[Explanation],
 ) -> bool:
-    """Whether an explanation is still one beside those that were found after it."""
+    """Whether an explanation is still admitted beside the others that were found."""
     whole = _fitted(recording, prior, added)
     fast = _fitted(recording.fast(), prior, added, whole[2][: 10 * recording.robot.joints])
     shown = (one.hypothesis for one in _ranked((whole, fast), found))
@@ -264,7 +264,7 @@ def _outweighs(one: Scored, other: Scored, *, by_all: bool) -> bool:
     of a body that comes and goes, whose rows were chosen, has to be sure then.
     """
     kind = one.hypothesis.kind
-    (size, std), (another, spread) = one.along(one.surest), other.along(one.surest)
+    (size, std), (another, spread) = (s.combined(one.surest) for s in (one, other))
     agrees = abs(size - another) < 2 * np.hypot(std, spread)
     alone = by_all and kind not in COUPLED
     leans = abs(another) > spread and (by_all or kind not in LIKE_FRICTION)
