@@ -171,7 +171,8 @@ def test_a_driver_streams_set_points_through_the_reverse_interface(controller, d
         k, rows = 0, []
         while k < 300:
             rows.append(client.row())
-            swing = 0.2 * (1 - math.cos(0.02 * k))
+            # Slow: where this process is held up, the script goes on along the last speed.
+            swing = 0.05 * (1 - math.cos(2 * k / controller.rate_hz))
             driver.send(SERVOJ, [swing, *UPRIGHT[1:5], 1e-6 * k], timeout_ms=1000)
             k += 1
         driver.commands.sendall(struct.pack(">3i", 1, 20, 300))
@@ -185,8 +186,8 @@ def test_a_driver_streams_set_points_through_the_reverse_interface(controller, d
         driver.send(STOPPED)
         last = client.until(lambda row: row["runtime_state"] == 1)
     assert last["safety_status_bits"] == 1
-    assert max(row["actual_q"][0] for row in rows) > 0.3
-    assert abs(arrived["target_q"][0] - swing) < 0.05
+    assert max(row["actual_q"][0] for row in rows) > 0.02
+    assert abs(arrived["target_q"][0] - swing) < 0.005
     speeds = [(b["target_q"][0] - a["target_q"][0]) for a, b in itertools.pairwise(rows)]
     assert max(map(abs, speeds)) < 0.05, "no jumps between set points"
 
