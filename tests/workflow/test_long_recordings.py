@@ -24,7 +24,7 @@ from dynid.recording import ExperimentRecord, open_stored
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, Gear, InverseDynamicModel, LoadFriction, TorqueRipple
 from dynid.robot import load_robot
-from dynid.signals import ProcessingSettings, TorqueFilter, process
+from dynid.signals import LongSignals, ProcessingSettings, TorqueFilter, process
 from dynid.workflow import IdentifySettings
 from dynid.workflow.long_recordings import fit_long
 
@@ -114,6 +114,27 @@ def test_the_same_parameters_as_in_memory(
     np.testing.assert_allclose(found.assessment.anywhere, held.assessment.anywhere, rtol=0.02)
     np.testing.assert_allclose(found.motion.lower, held.motion.lower, atol=1e-9)
     assert ("factors" if factors else "products") in found.choices[-1]
+
+
+def test_friction_of_all_rows_follows_positions_without_their_noise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    record, passed = recording(rate=125.0), list[LongSignals]()
+    noisy = record.signals["q"] + 1e-3 * np.random.default_rng(4).normal(size=(record.samples, 6))
+    plain = long_module._run_pass
+
+    def seen(everything: list[LongSignals], *given: Any, **named: Any) -> Any:
+        passed.extend(everything)
+        return plain(everything, *given, **named)
+
+    monkeypatch.setattr(long_module, "_run_pass", seen)
+    fit_long([replace(record, signals={**record.signals, "q": noisy})], UR5, PAPER)
+    held = passed[0].samples(0, 1000).friction_q
+    turns = [
+        np.count_nonzero(np.diff(q, axis=0)[1:] * np.diff(q, axis=0)[:-1] < 0)
+        for q in (held, noisy[:1000])
+    ]
+    assert turns[0] < 0.2 * turns[1]
 
 
 @pytest.mark.usefixtures("undiagnosed_once")
