@@ -1,7 +1,8 @@
 """Arms, motions and recordings for the scoreboard of verdicts, made without the identified model.
 
 MuJoCo gives the rigid-body torques along a motion. Friction is this module's own: Stribeck, load
-and a presliding state. The links differ from the robot's published inertias as real arms do.
+and a presliding state. The links differ from the robot's published inertias as real arms do, and
+so do the axes of their tensors.
 """
 
 import tempfile
@@ -12,12 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, require
+from dynid.core import Array, require, scipy_part
 from dynid.robot import RobotModel, load_robot, to_pseudo_inertia
 from dynid.trajectory import JointMotion
 
 MOTIONS = ("fourier", "waypoints", "teach")
 _WATER = 1000.0
+_TURN = 0.15
+"""Axes of inertia are turned by up to this from the published ones, about each axis [rad]."""
 
 # A joint a line: kind, axis, origin [m], roll pitch yaw [deg], mass [kg] and centre [m], half sizes
 # [m], torque limit [N.m or N], speed limit [rad/s or m/s], lower and upper limit [rad or m].
@@ -226,6 +229,8 @@ def plant(robot: RobotModel, seed: int) -> Plant:
     """Draw an arm of this type: near the published inertias, with friction of its own."""
     draw = np.random.default_rng(seed)
     n = robot.joints
+    turns = np.random.default_rng([seed, 1]).uniform(-_TURN, _TURN, (n, 3))
+    turned = scipy_part("spatial").transform.Rotation.from_rotvec(turns).as_matrix()
     mass = robot.inertias[:, 0].copy()
     centre = robot.inertias[:, 1:4] / mass[:, None]
     second = np.empty((n, 3, 3))
@@ -239,6 +244,7 @@ def plant(robot: RobotModel, seed: int) -> Plant:
             second[k] = about_frame - mass[k] * np.outer(centre[k], centre[k])
         size, axes = np.linalg.eigh(second[k])
         size = np.maximum(size, 1e-3 * size.max()) * draw.uniform(0.7, 1.3, 3)
+        axes = turned[k] @ axes
         second[k] = axes * size @ axes.T
     mass *= draw.uniform(0.9, 1.1, n)
     centre = centre + draw.uniform(-0.01, 0.01, (n, 3))
