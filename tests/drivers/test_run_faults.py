@@ -340,7 +340,7 @@ def test_the_state_of_the_robot_is_told_before_a_way_is_searched(
     def searched(*_: object, **__: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr("dynid.workflow.running.plan_approach", searched)
+    monkeypatch.setattr("dynid.experiment.plan_approach", searched)
     words = ["run", fault.design, "--on", f"ur://{controller.host}", "-o", fault.record, "--yes"]
     try:
         move_slider(controller.host, 0.5)
@@ -362,7 +362,7 @@ def test_ctrl_c_before_the_question_ends_the_run(
         signal.raise_signal(signal.SIGINT)
         return check_robot(*given)
 
-    monkeypatch.setattr("dynid.workflow.running.check_robot", interrupted)
+    monkeypatch.setattr("dynid.experiment.check_robot", interrupted)
     monkeypatch.setattr(sys, "stdin", Terminal(f"{controller.host}\n"))
     words = ["run", fault.design, "--on", f"ur://{controller.host}", "-o", fault.record]
     assert main([*map(str, words), *yes]) == 130

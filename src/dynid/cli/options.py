@@ -18,8 +18,7 @@ from typing import Annotated, Any
 import typer
 import typer.core
 
-from dynid import settings
-from dynid.core import DynidError
+from dynid import core, settings
 
 _NUMBERS: tuple[Any, ...] = (int, float, int | None, float | None)
 
@@ -195,7 +194,7 @@ TRACEBACK = "DYNID_TRACEBACK"
 BAD_INPUT, JOB_FAILED, INTERRUPTED, BROKEN_PIPE = 2, 1, 130, 1
 
 
-class Interrupted(DynidError):
+class Interrupted(core.DynidError):
     """Ctrl-C ended a job that keeps what it has."""
 
     exit_code = INTERRUPTED
@@ -217,7 +216,7 @@ def exit_code_of(job: Callable[[], int]) -> int:
     """Run a job; whatever it raises becomes one line on stderr and an exit code."""
     try:
         code = job()
-    except DynidError as error:
+    except core.DynidError as error:
         return _say(error.line, error.exit_code)
     except typer.TyperException as error:
         return _say(_usage(error), BAD_INPUT)

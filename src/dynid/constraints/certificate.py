@@ -17,8 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.constraints import limits
-from dynid.constraints.collision import CollisionBodies, JudgedPairs
+from dynid.constraints import collision, limits
 from dynid.constraints.motion import MotionConstraints
 from dynid.core import Array, InputError, plain
 from dynid.trajectory import (
@@ -488,7 +487,7 @@ class _Between:
         return left, left - half * (push @ points.reach(self.ends.travel)) / limit
 
     def apart(
-        self, bodies: CollisionBodies, pairs: JudgedPairs, t: Array, half: float
+        self, bodies: collision.CollisionBodies, pairs: collision.JudgedPairs, t: Array, half: float
     ) -> tuple[Array, Array]:
         """The least room, and what it cannot fall below: no body moves faster than its reach."""
         motion = self.trajectory.evaluate(t)

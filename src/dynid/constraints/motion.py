@@ -9,27 +9,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.constraints.arm import TorqueJudge, prior_dynamics, prior_link
-from dynid.constraints.bodies import GIVE_SHAPES, Surroundings, not_held, surroundings_of
+from dynid.constraints import arm, bodies, limits
 from dynid.constraints.collision import Proximity
-from dynid.constraints.limits import (
-    DISTANCES,
-    RATIOS,
-    MovingPoints,
-    Unjudged,
-    Usage,
-    Worst,
-    acceleration_notes,
-    bound_notes,
-    bound_ratios,
-    bound_violation,
-    doubted_units,
-    judged_points,
-    left_over,
-    speed_violation,
-    unknown_limit,
-    unknown_masses,
-)
 from dynid.constraints.scene import ConstraintSettings, Scene, own_floors, stands, surrounded
 from dynid.core import Array, InputError
 from dynid.robot import RobotModel, carried
@@ -54,24 +35,24 @@ class MotionConstraints:
         around = settings.scene is not None or settings.floor != "none"
         asked = {"torque": settings.torque, "self_collision": settings.self_collision}
         asked["environment"] = settings.self_collision and around
-        doubts = doubted_units(robot)
-        unjudged: list[Unjudged] = [item for item in doubts if asked.get(item.kind, True)]
-        notes = bound_notes(robot, settings.bounds, unjudged)
+        doubts = limits.doubted_units(robot)
+        unjudged: list[limits.Unjudged] = [item for item in doubts if asked.get(item.kind, True)]
+        notes = limits.bound_notes(robot, settings.bounds, unjudged)
         self.surroundings = _surroundings(robot, settings, notes, unjudged)
         loaded = _loaded(robot)
         self.torque = _torque_judge(loaded, settings, notes, unjudged)
-        self.points: dict[str, tuple[MovingPoints, float]] = judged_points(
+        self.points: dict[str, tuple[limits.MovingPoints, float]] = limits.judged_points(
             loaded, settings, unjudged
         )
         torque = np.zeros(robot.joints) if self.torque is None else self.torque.limits
         held = (self.torque is not None) & np.isfinite(torque)
-        notes += acceleration_notes(robot, settings.bounds, held, unjudged)
+        notes += limits.acceleration_notes(robot, settings.bounds, held, unjudged)
         self.notes = tuple(notes)
         """What was assumed, in words."""
         self.unjudged = tuple(unjudged)
         """What was asked for and cannot be judged."""
 
-    def usage(self, q: Array, dq: Array, ddq: Array, t: Array | None = None) -> Usage:
+    def usage(self, q: Array, dq: Array, ddq: Array, t: Array | None = None) -> limits.Usage:
         """The worst of every kind at samples.
 
         Args:
@@ -82,14 +63,16 @@ class MotionConstraints:
         """
         self._check(q, dq, ddq)
         times = np.arange(len(q), dtype=np.float64) if t is None else t
-        worst = {kind: Worst(margin=math.nan) for kind in (*RATIOS, *DISTANCES)}
+        worst = {
+            kind: limits.Worst(margin=math.nan) for kind in (*limits.RATIOS, *limits.DISTANCES)
+        }
         bounds, joints = self.settings.bounds, self.robot.joint_names
         kinds = ("position", "velocity", "acceleration")
         free = self.settings.required
         end = np.where(q - bounds.lower < bounds.upper - q, bounds.lower, bounds.upper)
-        limits = (end, bounds.velocity, bounds.acceleration)
-        ratios = bound_ratios(bounds, q, dq, ddq)
-        for kind, value, limit, ratio in zip(kinds, (q, dq, ddq), limits, ratios, strict=True):
+        allowed = (end, bounds.velocity, bounds.acceleration)
+        ratios = limits.bound_ratios(bounds, q, dq, ddq)
+        for kind, value, limit, ratio in zip(kinds, (q, dq, ddq), allowed, ratios, strict=True):
             if np.isfinite(limit).any():
                 worst[kind] = _largest(ratio, value, limit, times, joints, free(kind))
         if self.torque is not None:
@@ -110,7 +93,7 @@ class MotionConstraints:
                 pair = int(found.pair[k])
                 required = float(pairs.required[pair])
                 least = float(found.room[k]) + required
-                worst[kind] = Worst(
+                worst[kind] = limits.Worst(
                     margin=least,
                     t=float(times[k]),
                     what=pairs.names[pair],
@@ -119,7 +102,7 @@ class MotionConstraints:
                     required=required,
                     distance=True,
                 )
-        return Usage(worst=worst)
+        return limits.Usage(worst=worst)
 
     def proximity(self, samples: int) -> Proximity | None:
         """A memory of distances for motions of so many samples; see `CollisionBodies`."""
@@ -160,13 +143,15 @@ class MotionConstraints:
         """
         self._check(q, dq, ddq)
         share = 1.0 - tighten
-        total, q_bar, dq_bar, ddq_bar = bound_violation(self.settings.bounds, q, dq, ddq, share)
+        total, q_bar, dq_bar, ddq_bar = limits.bound_violation(
+            self.settings.bounds, q, dq, ddq, share
+        )
         if self.torque is not None:
             more, a, b, c = self.torque.violation(q, dq, ddq, share)
             total += more
             q_bar, dq_bar, ddq_bar = q_bar + a, dq_bar + b, ddq_bar + c
         if self.points:
-            more, a, b = speed_violation(list(self.points.values()), q, dq, share)
+            more, a, b = limits.speed_violation(list(self.points.values()), q, dq, share)
             total += more
             q_bar, dq_bar = q_bar + a, dq_bar + b
         around = self.surroundings
@@ -201,7 +186,7 @@ class MotionConstraints:
                 value=outside.value,
                 limit=outside.limit,
             )
-        for kind in DISTANCES:
+        for kind in limits.DISTANCES:
             item = worst[kind]
             if item.room < 0:
                 raise InputError(
@@ -221,8 +206,11 @@ class MotionConstraints:
 
 
 def _surroundings(
-    robot: RobotModel, settings: ConstraintSettings, notes: list[str], unjudged: list[Unjudged]
-) -> Surroundings | None:
+    robot: RobotModel,
+    settings: ConstraintSettings,
+    notes: list[str],
+    unjudged: list[limits.Unjudged],
+) -> bodies.Surroundings | None:
     """The bodies to judge, the floor and the tool among them; None where no pair is judged."""
     turned = () if stands(robot) else own_floors(settings.scene)
     notes += [
@@ -231,18 +219,18 @@ def _surroundings(
     said = len(notes)
     whole = surrounded(settings, robot)
     try:
-        found = surroundings_of(robot, whole, notes)
+        found = bodies.surroundings_of(robot, whole, notes)
     except InputError as error:
         # Nobody asked for the floor at the mounting plane: where it cannot be, one must say so.
         if settings.floor != "mount":
             raise
         del notes[said:]
         bare = surrounded(settings, robot, floor=False)
-        found = surroundings_of(robot, bare, notes)
+        found = bodies.surroundings_of(robot, bare, notes)
         if robot.bodies:
             whole = bare
             unjudged.append(
-                Unjudged(
+                limits.Unjudged(
                     kind="environment",
                     causes=(f"there can be no floor at the mounting plane: {error.what}",),
                     next_step=f"{error.next_step or 'Say where it is: --floor HEIGHT.'} If there "
@@ -252,7 +240,7 @@ def _surroundings(
     given = settings.scene.shapes if settings.scene is not None else ()
     if found is not None and given and {shape.name for shape in given} <= found.far:
         unjudged.append(
-            Unjudged(
+            limits.Unjudged(
                 kind="environment",
                 causes=("all of the scene is three lengths of the arm away, or more",),
                 next_step="Give the scene in metres, in the base frame; without what is far away.",
@@ -263,9 +251,9 @@ def _surroundings(
         "environment": whole.scene is not None and bool(whole.scene.shapes),
     }
     for kind, on in asked.items():
-        causes = not_held(robot) if found is None else found.lacking[kind]
+        causes = bodies.not_held(robot) if found is None else found.lacking[kind]
         if on and causes:
-            unjudged.append(Unjudged(kind=kind, causes=causes, next_step=GIVE_SHAPES))
+            unjudged.append(limits.Unjudged(kind=kind, causes=causes, next_step=bodies.GIVE_SHAPES))
     return found if found is not None and found.pairs else None
 
 
@@ -274,36 +262,39 @@ def _loaded(robot: RobotModel) -> RobotModel:
     if not robot.tool.mass or np.isnan(robot.inertias[-1, :4]).any():
         return robot
     inertias = np.array(robot.inertias)
-    inertias[-1] = prior_link(robot, robot.joints - 1) + carried(robot)
+    inertias[-1] = arm.prior_link(robot, robot.joints - 1) + carried(robot)
     return replace(robot, inertias=inertias)
 
 
 def _torque_judge(
-    robot: RobotModel, settings: ConstraintSettings, notes: list[str], unjudged: list[Unjudged]
-) -> TorqueJudge | None:
+    robot: RobotModel,
+    settings: ConstraintSettings,
+    notes: list[str],
+    unjudged: list[limits.Unjudged],
+) -> arm.TorqueJudge | None:
     share = 1.0 - settings.margin
-    limits = share * robot.limits.torque if settings.torque else np.full(robot.joints, np.nan)
+    torques = share * robot.limits.torque if settings.torque else np.full(robot.joints, np.nan)
     power = share * robot.safety.power if settings.power else math.nan
     unknown = ~np.isfinite(robot.limits.torque)
     if settings.torque and unknown.any():
-        unjudged.append(unknown_limit(robot, "torque", unknown))
-    if np.isnan(limits).all() and math.isnan(power):
+        unjudged.append(limits.unknown_limit(robot, "torque", unknown))
+    if np.isnan(torques).all() and math.isnan(power):
         return None
-    prior = prior_dynamics(robot)
+    prior = arm.prior_dynamics(robot)
     if prior is None:
-        known = {"torque": not np.isnan(limits).all(), "power": not math.isnan(power)}
-        unjudged += [unknown_masses(kind) for kind, is_known in known.items() if is_known]
+        known = {"torque": not np.isnan(torques).all(), "power": not math.isnan(power)}
+        unjudged += [limits.unknown_masses(kind) for kind, is_known in known.items() if is_known]
         return None
     notes.extend(prior.notes)
-    return TorqueJudge(prior=prior, limits=limits, power=power)
+    return arm.TorqueJudge(prior=prior, limits=torques, power=power)
 
 
 def _largest(
     ratio: Array, value: Array, limit: Array, times: Array, joints: tuple[str, ...], free: float
-) -> Worst:
+) -> limits.Worst:
     k, j = divmod(int(np.nanargmax(ratio)), ratio.shape[1])
-    return Worst(
-        margin=left_over(float(ratio[k, j]), free),
+    return limits.Worst(
+        margin=limits.left_over(float(ratio[k, j]), free),
         t=float(times[k]),
         what=joints[j],
         value=float(value[k, j]),
@@ -312,7 +303,7 @@ def _largest(
     )
 
 
-def _over(value: Array, limit: float, times: Array, free: float) -> Worst:
+def _over(value: Array, limit: float, times: Array, free: float) -> limits.Worst:
     alone = value[:, None]
     return _largest(alone / limit, alone, np.array(limit), times, ("",), free)
 

@@ -14,12 +14,10 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from dynid import regressor
+from dynid import reduction, regressor, trajectory
 from dynid.constraints import MotionConstraints, Proximity, certify
 from dynid.core import Array, InputError, Value, freeze
 from dynid.excitation.criteria import Criterion
-from dynid.reduction import BaseParametrization, gram_layout
-from dynid.trajectory import MotionFamily
 
 PAPER_RATE_HZ = 125.0
 """The UR5's sampling rate: 1250 samples in the paper's 10 s."""
@@ -36,10 +34,10 @@ class ExcitationProblem:
             cannot start at one.
     """
 
-    base: BaseParametrization
+    base: reduction.BaseParametrization
     """The base parameters; the robot and its columns are in `base.model`."""
     criterion: Criterion
-    family: MotionFamily
+    family: trajectory.MotionFamily
     constraints: MotionConstraints
     """What a motion is held to, built once for all searches."""
     rate_hz: float = PAPER_RATE_HZ
@@ -216,7 +214,7 @@ class GramKernel:
     def __init__(
         self,
         model: regressor.InverseDynamicModel,
-        base: BaseParametrization,
+        base: reduction.BaseParametrization,
         *,
         noise: Array | None = None,
         coulomb_width: float | None = DESIGN_WIDTH,
@@ -231,7 +229,7 @@ class GramKernel:
                 "noise needs a positive standard deviation a joint", value=noise, limit=n
             )
         self._model = model if coulomb_width is None else model.with_coulomb_width(coulomb_width)
-        self._layout = gram_layout(self._model, base)
+        self._layout = reduction.gram_layout(self._model, base)
         self._weights = 1.0 / np.square(sigma)
         sizes = [len(panel.columns) for panel in self._layout.panels]
         self._entries = np.concatenate(

@@ -9,8 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from dynid import core
-from dynid.constraints import Certificate, certify
+from dynid import constraints, core
 from dynid.excitation.evaluation import (
     Candidate,
     DesignEvaluation,
@@ -38,7 +37,7 @@ class Finished:
 
     x: core.Array
     trajectory: Trajectory
-    certificate: Certificate
+    certificate: constraints.Certificate
     repair: str
     """What had to be done: empty, `tightened` or `smaller`."""
 
@@ -94,7 +93,7 @@ def without_turns(evaluation: DesignEvaluation, x: core.Array) -> core.Array:
 def _certified(evaluation: DesignEvaluation, x: core.Array, repair: str) -> Finished:
     x = without_turns(evaluation, x)
     trajectory = evaluation.problem.family.trajectory(x[:, 0], x[:, 1:])
-    certificate = certify(trajectory, evaluation.constraints)
+    certificate = constraints.certify(trajectory, evaluation.constraints)
     return Finished(x=x, trajectory=trajectory, certificate=certificate, repair=repair)
 
 
@@ -154,7 +153,7 @@ class ExcitationDesign(core.Value):
     """How many the motion shows."""
     samples: int
     """At which the criteria were computed."""
-    certificate: Certificate
+    certificate: constraints.Certificate
     """Remaining margin of each limit."""
     repair: str
     """What the certificate made necessary: empty, `tightened` or `smaller`."""

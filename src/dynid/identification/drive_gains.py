@@ -5,18 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import (
-    Array,
-    Finding,
-    InputError,
-    JobError,
-    Value,
-    freeze,
-    inverse_upper,
-    table,
-    told,
-    upper_triangle,
-)
+from dynid import core
 from dynid.identification.least_squares import solve_rows
 from dynid.identification.shared import PAYLOAD, SINGULAR, SharedProblem, shared_sandwich
 from dynid.identification.statistics import correlation_lag, long_run_covariance
@@ -34,45 +23,45 @@ _COLUMNS = ("gain", "std", "coulomb", "viscous", "r2")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DriveGains(Value):
+class DriveGains(core.Value):
     """Drive gains with their uncertainty; NaN where they are not identifiable.
 
     Raises:
         InputError: Shapes that disagree.
     """
 
-    gain: Array
+    gain: core.Array
     """(n) joint torque per motor current [N.m/A]."""
-    std: Array
+    std: core.Array
     """(n) standard deviations that allow for correlated residuals [N.m/A]."""
-    coulomb: Array
+    coulomb: core.Array
     """(n) dry friction that the controller compensates [N.m]."""
-    viscous: Array
+    viscous: core.Array
     """(n) viscous friction that the controller compensates [N.m.s/rad]."""
-    r2: Array
+    r2: core.Array
     """(n) share of the current's variation that is explained."""
     samples: int
     """Rows a joint."""
-    warnings: tuple[Finding, ...] = ()
+    warnings: tuple[core.Finding, ...] = ()
     """Joints whose gain is not identified, and why."""
 
     def __post_init__(self) -> None:
         n = np.size(self.gain)
-        freeze(self, gain=(n,), std=(n,), coulomb=(n,), viscous=(n,), r2=(n,), finite=False)
+        core.freeze(self, gain=(n,), std=(n,), coulomb=(n,), viscous=(n,), r2=(n,), finite=False)
 
     def to_json(self, names: tuple[str, ...]) -> dict[str, Any]:
         """A JSON object for joints of these names; null where a gain is not known."""
         return {
             "samples": self.samples,
-            "gains": table(joint=names, **{key: getattr(self, key) for key in _COLUMNS}),
-            **told(self.warnings),
+            "gains": core.table(joint=names, **{key: getattr(self, key) for key in _COLUMNS}),
+            **core.told(self.warnings),
         }
 
 
 def drive_gains(
-    current: Array,
-    moment: Array,
-    velocity: Array,
+    current: core.Array,
+    moment: core.Array,
+    velocity: core.Array,
     *,
     rate_hz: float,
     names: tuple[str, ...],
@@ -91,7 +80,9 @@ def drive_gains(
         JobError: No joint's gain can be told.
     """
     if len(current) < 16:
-        raise InputError("too few samples for drive gains", value=len(current), limit="at least 16")
+        raise core.InputError(
+            "too few samples for drive gains", value=len(current), limit="at least 16"
+        )
     rows, lost = np.empty((len(names), 5)), dict[str, str]()
     for j, name in enumerate(names):
         columns = np.stack([moment[:, j], np.tanh(velocity[:, j] / WIDTH), velocity[:, j]])
@@ -99,7 +90,7 @@ def drive_gains(
         if reason:
             lost[name] = reason
     if np.isnan(rows[:, 0]).all():
-        raise JobError(
+        raise core.JobError(
             "no drive gain can be identified from this recording",
             value="; ".join(f"{name}: {reason}" for name, reason in lost.items()),
             next_step="Record a motion that loads and accelerates every joint.",
@@ -111,11 +102,11 @@ def drive_gains(
     )
 
 
-def _lost(name: str, reason: str) -> Finding:
-    return Finding("low_excitation", f"no drive gain for {name}: {reason}")
+def _lost(name: str, reason: str) -> core.Finding:
+    return core.Finding("low_excitation", f"no drive gain for {name}: {reason}")
 
 
-def _joint(columns: Array, current: Array, rate_hz: float) -> tuple[Array, str]:
+def _joint(columns: core.Array, current: core.Array, rate_hz: float) -> tuple[core.Array, str]:
     """Gain, its deviation, Coulomb, viscous and r2 of one joint, and why there is none."""
     nothing = np.full(5, np.nan)
     norms = np.linalg.norm(columns, axis=1)
@@ -123,12 +114,12 @@ def _joint(columns: Array, current: Array, rate_hz: float) -> tuple[Array, str]:
         return nothing, "the joint stands still or carries no moment"
     # The moment last: its pivot is what of it the friction columns cannot show.
     scaled = (columns / norms[:, None])[[1, 2, 0]].T
-    upper = upper_triangle(np.column_stack([scaled, current]))
+    upper = core.upper_triangle(np.column_stack([scaled, current]))
     pivots = np.abs(np.diag(upper)[:3])
     moved = float(np.abs(upper[2, 3]))
     if pivots.min() < 1e-9 or moved < LEAST_SHARE * np.linalg.norm(current):
         return nothing, "its moment has no effect on the current beyond friction"
-    inverse = inverse_upper(upper[:3, :3])
+    inverse = core.inverse_upper(upper[:3, :3])
     solution = inverse @ upper[:3, 3]
     residual = current - scaled @ solution
     residual[np.abs(residual) < ROUNDING * np.abs(current).max()] = 0.0
@@ -158,13 +149,13 @@ class WeighedSystem:
     """
 
     problem: SharedProblem
-    turn: Array
+    turn: core.Array
     """(10, 10) payload about the last link's frame from payload about the flange."""
-    known: Array
+    known: core.Array
     """(10) payload about the flange, NaN where unknown."""
-    shown: tuple[Array, ...]
+    shown: tuple[core.Array, ...]
     """(n) combinations (k, s) of the arm's parameters that each joint shows."""
-    carried: Array
+    carried: core.Array
     """(10, s) those of the unknown payload about the flange that any joint shows."""
 
     @property
@@ -174,7 +165,7 @@ class WeighedSystem:
         arm = sum(each.shape[1] for each in self.shown)
         return records * own + arm + self.carried.shape[1]
 
-    def spread(self, record: int, columns: Array) -> tuple[Array, Array]:
+    def spread(self, record: int, columns: core.Array) -> tuple[core.Array, core.Array]:
         """Columns (w, ...) of a record as (size, ...), and the known payload's torque (...)."""
         problem, unknown = self.problem, np.isnan(self.known)
         own, records = len(problem.own), len(problem.problems)
@@ -200,22 +191,22 @@ RUNAWAY = 30.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GainsFromPayload(Value):
+class GainsFromPayload(core.Value):
     """Drive gains from a known payload, and what could not be told."""
 
-    gain: Array
+    gain: core.Array
     """(n) joint torque per motor current [N.m/A], NaN where the runs do not show it."""
-    std: Array
+    std: core.Array
     """(n) standard deviations that allow for correlated residuals [N.m/A], given for all."""
-    payload: Array
+    payload: core.Array
     """(10) the payload about the flange: what was known, the rest as found, NaN where no joint
     shows it (all axes of an arm may be parallel)."""
-    warnings: tuple[Finding, ...] = ()
+    warnings: tuple[core.Finding, ...] = ()
     """Joints whose gain the runs do not show; what the runs tell of themselves."""
 
 
 def gains_from_payload(
-    problem: SharedProblem, turn: Array, known: Array, start: Array | None = None
+    problem: SharedProblem, turn: core.Array, known: core.Array, start: core.Array | None = None
 ) -> GainsFromPayload:
     """Drive gains of records, some of them with the payload.
 
@@ -269,7 +260,7 @@ def gains_from_payload(
         if np.abs(step[:joints]).max() < CONVERGED:
             break
     else:
-        raise JobError("the drive gains do not converge", value=gain.tolist())
+        raise core.JobError("the drive gains do not converge", value=gain.tolist())
     covariance = _covariance(system, gain, values, noise, root)
     share = np.sqrt(np.diag(covariance)[:joints])
     names, lost = problem.problems[0].base.model.robot.joint_names, share > LARGEST_STD
@@ -284,7 +275,9 @@ def gains_from_payload(
     )
 
 
-def _system(problem: SharedProblem, factors: Array, turn: Array, known: Array) -> WeighedSystem:
+def _system(
+    problem: SharedProblem, factors: core.Array, turn: core.Array, known: core.Array
+) -> WeighedSystem:
     """Of factors (R, n, h, w) with the columns of `SharedProblem`."""
     own, common = len(problem.own), len(problem.common)
     by_joint = np.moveaxis(factors, 1, 0).reshape(problem.joints, -1, factors.shape[-1])
@@ -302,7 +295,7 @@ def _system(problem: SharedProblem, factors: Array, turn: Array, known: Array) -
     )
 
 
-def _shown(rows: Array) -> Array:
+def _shown(rows: core.Array) -> core.Array:
     """(k, s) combinations of k parameters that change what rows (r, k) of them give."""
     size = np.linalg.norm(rows, axis=0)
     size[size == 0] = 1.0
@@ -310,7 +303,7 @@ def _shown(rows: Array) -> Array:
     return (turn[values > RANK * values.max(initial=0.0)] / size).T
 
 
-def _payload(system: WeighedSystem, values: Array) -> Array:
+def _payload(system: WeighedSystem, values: core.Array) -> core.Array:
     """(10) the payload about the flange from what was found."""
     carried = system.carried
     # Those that lie in what is shown, rather than beside it.
@@ -319,11 +312,11 @@ def _payload(system: WeighedSystem, values: Array) -> Array:
     return np.where(np.isnan(system.known), found, system.known)
 
 
-def _check_scale(gain: Array, first: Array) -> None:
+def _check_scale(gain: core.Array, first: core.Array) -> None:
     """Refuse gains that run away: nothing holds them."""
     wrong = ~((first > 0) & (gain < RUNAWAY * first) & (gain > first / RUNAWAY))
     if wrong.any():
-        raise JobError(
+        raise core.JobError(
             "the payload does not set the scale of every joint's current",
             value=f"joints {', '.join(str(j + 1) for j in np.flatnonzero(wrong))}",
             next_step="Use a heavier payload off the last axis, or a motion that loads and "
@@ -331,7 +324,9 @@ def _check_scale(gain: Array, first: Array) -> None:
         )
 
 
-def _values(data: tuple[Array, Array, Array], gain: Array, noise: Array) -> Array:
+def _values(
+    data: tuple[core.Array, core.Array, core.Array], gain: core.Array, noise: core.Array
+) -> core.Array:
     """The best parameters for given gains."""
     columns, fixed, current = data
     rows = np.concatenate([columns, (current * gain[:, None] - fixed)[..., None]], axis=3)
@@ -340,8 +335,8 @@ def _values(data: tuple[Array, Array, Array], gain: Array, noise: Array) -> Arra
 
 
 def _solved_with_gains(
-    own: Array, columns: Array, target: Array, noise: Array
-) -> tuple[Array, Array]:
+    own: core.Array, columns: core.Array, target: core.Array, noise: core.Array
+) -> tuple[core.Array, core.Array]:
     """As `solve_rows`, of weighted rows with a column (R, n, h) of each joint before the others."""
     records, joints, height, size = columns.shape
     rows = np.zeros((records, joints, height, joints + size + 1))
@@ -353,13 +348,13 @@ def _solved_with_gains(
 
 
 def _covariance(
-    system: WeighedSystem, gain: Array, values: Array, noise: Array, root: Array
-) -> Array:
+    system: WeighedSystem, gain: core.Array, values: core.Array, noise: core.Array, root: core.Array
+) -> core.Array:
     """Of log gains and parameters, see `shared_sandwich`."""
     problem, joints = system.problem, len(gain)
-    inverse = inverse_upper(root)
+    inverse = core.inverse_upper(root)
 
-    def scored(k: int) -> tuple[Array, Array]:
+    def scored(k: int) -> tuple[core.Array, core.Array]:
         blocks = problem.problems[k].blocks
         scores, residual = np.zeros((len(root), blocks)), np.empty((joints, blocks))
         for part, columns, current in problem.chunks(k):

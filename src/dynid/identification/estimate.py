@@ -7,88 +7,71 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import (
-    Array,
-    Finding,
-    InputError,
-    JsonFields,
-    Provenance,
-    Value,
-    finding_from_json,
-    freeze,
-    frozen,
-    load_object,
-    plain,
-    read_only,
-    table,
-    write_json,
-)
+from dynid import core, regressor, signals
 from dynid.identification.selection.assessment import Assessment, assessment_from_json
 from dynid.identification.selection.unseen import MotionRange, unseen
 from dynid.identification.statistics import relative_std_percent
-from dynid.regressor import CHUNK, InverseDynamicModel, coupled_motors, terms_from_json
 from dynid.robot import robot_from_json, robot_to_json
-from dynid.signals import ProcessingSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StandardParameters(Value):
+class StandardParameters(core.Value):
     """All standard parameters, of physically consistent bodies, each with where it comes from.
 
     Raises:
         InputError: Shapes that disagree.
     """
 
-    values: Array
+    values: core.Array
     """(p) standard parameters."""
-    std: Array
+    std: core.Array
     """(p) standard deviations from the data; those of the prior's words mean nothing."""
-    prior_share: Array
+    prior_share: core.Array
     """(p) 0: the data's word alone, to 1: the prior's alone."""
-    prior: Array
+    prior: core.Array
     """(p) the prior, CAD or completed; NaN where there is none."""
     origins: tuple[str, ...]
     """(p) `data` or `prior`."""
 
     def __post_init__(self) -> None:
         p = len(self.origins)
-        freeze(self, values=(p,), std=(p,), prior_share=(p,))
-        freeze(self, prior=(p,), finite=False)
+        core.freeze(self, values=(p,), std=(p,), prior_share=(p,))
+        core.freeze(self, prior=(p,), finite=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TorquePrediction(Value):
+class TorquePrediction(core.Value):
     """Predicted torques with their intervals."""
 
-    torque: Array
+    torque: core.Array
     """(N, n) [N.m or N]."""
-    half_width: Array
+    half_width: core.Array
     """(N, n) half widths of the intervals [N.m or N]."""
     level: float
     """Share of measured torques that shall lie within."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate(Value):
+class Estimate(core.Value):
     """Base parameters with their uncertainty.
 
     Raises:
         InputError: Shapes that disagree.
     """
 
-    model: InverseDynamicModel
+    model: regressor.InverseDynamicModel
     """The model whose columns were fitted."""
     independent: tuple[int, ...]
     """(r) base columns of the model."""
     expressions: tuple[str, ...]
     """(r) each base parameter in standard parameters."""
-    values: Array
+    values: core.Array
     """(r) base parameters, units in `units`."""
-    covariance: Array
+    covariance: core.Array
     """(r, r) covariance that allows for correlated residuals (HAC)."""
-    naive_std: Array
+    naive_std: core.Array
     """(r) standard deviations if the residuals were white."""
-    noise: Array
+    noise: core.Array
     """(n) residual standard deviation of each joint [N.m or N]."""
     condition_number: float
     """Of W with first-come columns, unscaled, as the paper's."""
@@ -102,7 +85,7 @@ class Estimate(Value):
     """Word of the estimator, such as `wls`."""
     preset: str
     """`paper` or `best`."""
-    settings: ProcessingSettings
+    settings: signals.ProcessingSettings
     """How the record was processed; validation uses the same."""
     essential: tuple[int, ...]
     """Indices of the base parameters that the data determine."""
@@ -110,11 +93,11 @@ class Estimate(Value):
     """Range of the recorded motion."""
     choices: tuple[str, ...] = ()
     """What `--preset best` chose, in words."""
-    warnings: tuple[Finding, ...] = ()
+    warnings: tuple[core.Finding, ...] = ()
     """Findings of the identification."""
-    provenance: Provenance
+    provenance: core.Provenance
     """Inputs with their hashes, versions, time."""
-    residual_autocorrelation: Array = field(default_factory=lambda: np.zeros(0))
+    residual_autocorrelation: core.Array = field(default_factory=lambda: np.zeros(0))
     """(n) autocorrelation of the residuals at one sample."""
     standard: StandardParameters | None = None
     """Consistent standard parameters, from estimators that find them (`sdp`)."""
@@ -124,17 +107,19 @@ class Estimate(Value):
 
     def __post_init__(self) -> None:
         r, n = len(self.independent), self.model.robot.joints
-        freeze(self, values=(r,), covariance=(r, r), naive_std=(r,), noise=(n,))
+        core.freeze(self, values=(r,), covariance=(r, r), naive_std=(r,), noise=(n,))
         if len(self.expressions) != r:
-            raise InputError("one expression a parameter", value=len(self.expressions), limit=r)
+            raise core.InputError(
+                "one expression a parameter", value=len(self.expressions), limit=r
+            )
         if self.standard is not None and len(self.standard.values) != len(self.model.columns):
-            raise InputError(
+            raise core.InputError(
                 "standard parameters do not fit the model",
                 value=len(self.standard.values),
                 limit=len(self.model.columns),
             )
         if max(self.independent, default=0) >= len(self.model.columns):
-            raise InputError("base columns do not fit the model", value=max(self.independent))
+            raise core.InputError("base columns do not fit the model", value=max(self.independent))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -147,12 +132,12 @@ class Estimate(Value):
         return tuple(self.model.columns[i].unit for i in self.independent)
 
     @property
-    def std(self) -> Array:
+    def std(self) -> core.Array:
         """(r) standard deviations."""
-        return read_only(np.sqrt(np.diag(self.covariance)))
+        return core.read_only(np.sqrt(np.diag(self.covariance)))
 
     @property
-    def relative_std_percent(self) -> Array:
+    def relative_std_percent(self) -> core.Array:
         """(r) standard deviations as a share of the values [%]."""
         return relative_std_percent(self.values, self.std)
 
@@ -161,13 +146,13 @@ class Estimate(Value):
         """Rows of W less parameters."""
         return self.samples * self.model.robot.joints - len(self.values)
 
-    def standard_parameters(self) -> Array:
+    def standard_parameters(self) -> core.Array:
         """(p) standard parameters with these torques: consistent, or zero outside the base."""
         if self.standard is not None:
             return self.standard.values
         parameters = np.zeros(len(self.model.columns))
         parameters[list(self.independent)] = self.values
-        return read_only(parameters)
+        return core.read_only(parameters)
 
     @overload
     def predict(
@@ -178,7 +163,7 @@ class Estimate(Value):
         state: ArrayLike | None = None,
         *,
         interval: None = None,
-    ) -> Array: ...
+    ) -> core.Array: ...
 
     @overload
     def predict(
@@ -199,7 +184,7 @@ class Estimate(Value):
         state: ArrayLike | None = None,
         *,
         interval: float | None = None,
-    ) -> Array | TorquePrediction:
+    ) -> core.Array | TorquePrediction:
         """Joint torques (N, n) [N.m or N], each argument (N, n); with intervals if asked for.
 
         Samples stand for themselves. For those of a motion, in the order of time, give the `state`
@@ -212,7 +197,7 @@ class Estimate(Value):
         q, dq, ddq, state = self._given(q, dq, ddq, state)
         values = self.standard_parameters()
         torque = self.model.inverse_dynamics(q, dq, ddq, values, state)
-        torque = read_only(torque - self.model.known_torque(q))
+        torque = core.read_only(torque - self.model.known_torque(q))
         if interval is None:
             return torque
         width = self.half_width(q, dq, ddq, state, level=interval)
@@ -220,12 +205,12 @@ class Estimate(Value):
 
     def _given(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, state: ArrayLike | None
-    ) -> tuple[Array, Array, Array, Array | None]:
+    ) -> tuple[core.Array, core.Array, core.Array, core.Array | None]:
         q, dq, ddq = self.model.states(q, dq, ddq)
         if state is not None:
             robot = self.model.robot
-            shape = (robot.joints + len(coupled_motors(robot)), len(q))
-            state = frozen(state, shape=shape, name="state", finite=False)
+            shape = (robot.joints + len(regressor.coupled_motors(robot)), len(q))
+            state = core.frozen(state, shape=shape, name="state", finite=False)
         return q, dq, ddq, state
 
     def half_width(
@@ -236,7 +221,7 @@ class Estimate(Value):
         state: ArrayLike | None = None,
         *,
         level: float = 0.9,
-    ) -> Array:
+    ) -> core.Array:
         """Half widths (N, n) of the intervals of torques measured on another day [N.m or N].
 
         The motion as for `predict`; the level is the share of torques within, 0.5 to 0.99.
@@ -247,7 +232,7 @@ class Estimate(Value):
         """
         q, dq, ddq, state = self._given(q, dq, ddq, state)
         if self.assessment is None:
-            raise InputError(
+            raise core.InputError(
                 "estimates of shared inertias or temperatures, and files of release 0.1, have no "
                 "torque intervals",
                 next_step="Identify one recording, or all as one: dynid identify RECORD -o E.json",
@@ -255,8 +240,8 @@ class Estimate(Value):
         interval, width = self.assessment.interval, np.empty(q.shape)
         parameters = dict(zip(self.names, self.values.tolist(), strict=True))
         never = unseen(self.model.robot, parameters, self.motion)
-        for first in range(0, len(q), CHUNK):
-            part = slice(first, first + CHUNK)
+        for first in range(0, len(q), regressor.CHUNK):
+            part = slice(first, first + regressor.CHUNK)
             now = None if state is None else state[:, part]
             stack = self.model.stack(q[part], dq[part], ddq[part], state=now)
             columns = stack[list(self.independent)]
@@ -264,12 +249,12 @@ class Estimate(Value):
             width[part] = interval.half_width(
                 self.names, self.values, columns, motion, never, level
             ).T
-        return read_only(width)
+        return core.read_only(width)
 
     def standard_table(self) -> list[dict[str, Any]] | None:
         """One JSON object a standard parameter, where the estimator finds them."""
         known = self.standard
-        return known and table(
+        return known and core.table(
             name=self.model.names,
             value=known.values,
             unit=[column.unit for column in self.model.columns],
@@ -281,7 +266,7 @@ class Estimate(Value):
 
     def parameter_table(self) -> list[dict[str, Any]]:
         """One JSON object a base parameter."""
-        return table(
+        return core.table(
             name=self.names,
             value=self.values,
             unit=self.units,
@@ -312,7 +297,7 @@ FORMAT = "dynid-estimate"
 VERSION = 1
 
 
-def _column(rows: list[dict[str, Any]], key: str) -> Array:
+def _column(rows: list[dict[str, Any]], key: str) -> core.Array:
     """(r) numbers, NaN for null."""
     return np.array([row[key] for row in rows], dtype=np.float64)
 
@@ -332,10 +317,10 @@ def estimate_to_json(estimate: Estimate) -> dict[str, Any]:
         "format": FORMAT,
         "version": VERSION,
         **estimate.summary(),
-        **{name: plain(getattr(estimate, name)) for name in _ARRAYS},
+        **{name: core.plain(getattr(estimate, name)) for name in _ARRAYS},
         "degrees_of_freedom": estimate.degrees_of_freedom,
         "independent": list(estimate.independent),
-        "motion": plain(estimate.motion),
+        "motion": core.plain(estimate.motion),
         "warnings": [notice.to_json() for notice in estimate.warnings],
         "provenance": estimate.provenance.to_json(),
         "robot": robot_to_json(estimate.model.robot),
@@ -349,7 +334,7 @@ def write_estimate(estimate: Estimate, path: Path | str) -> None:
         InputError: A place where no such file can be.
         JobError: The disk does not take it.
     """
-    write_json(Path(path), estimate_to_json(estimate))
+    core.write_json(Path(path), estimate_to_json(estimate))
 
 
 def read_estimate(path: Path | str) -> Estimate:
@@ -360,38 +345,38 @@ def read_estimate(path: Path | str) -> Estimate:
     """
     where = str(path)
     try:
-        data = dict(load_object(path).values)
-    except InputError as error:
+        data = dict(core.load_object(path).values)
+    except core.InputError as error:
         raise error.changed(where=where, next_step=error.next_step or _MAKE) from error
     if data.get("format") != FORMAT:
         found = data.get("kind") or data.get("format")
-        raise InputError("not a dynid estimate", where=where, value=found, next_step=_MAKE)
+        raise core.InputError("not a dynid estimate", where=where, value=found, next_step=_MAKE)
     try:
         return _estimate(data)
-    except InputError as error:
-        raise InputError(str(error), where=where) from error
+    except core.InputError as error:
+        raise core.InputError(str(error), where=where) from error
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        raise InputError(
+        raise core.InputError(
             "the estimate is damaged", where=where, value=f"{type(error).__name__}: {error}"
         ) from error
 
 
 def _estimate(data: dict[str, Any]) -> Estimate:
     if data["version"] != VERSION:
-        raise InputError("unknown version of the file", value=data["version"], limit=VERSION)
+        raise core.InputError("unknown version of the file", value=data["version"], limit=VERSION)
     table: list[dict[str, Any]] = data["parameters"]
-    return JsonFields(data).made(
+    return core.JsonFields(data).made(
         Estimate,
-        model=InverseDynamicModel(
+        model=regressor.InverseDynamicModel(
             robot=robot_from_json(data["robot"]),
             frames=str(data["frames"]),
-            friction=terms_from_json(data["friction"]),
+            friction=regressor.terms_from_json(data["friction"]),
         ),
         expressions=tuple(str(row["expression"]) for row in table),
         values=_column(table, "value"),
         naive_std=_column(table, "std_naive"),
         essential=tuple(k for k, row in enumerate(table) if row["essential"]),
-        warnings=tuple(finding_from_json(w) for w in data["warnings"]),
+        warnings=tuple(core.finding_from_json(w) for w in data["warnings"]),
         standard=_standard(data.get("standard")),
         assessment=assessment_from_json(data["assessment"]) if "assessment" in data else None,
     )

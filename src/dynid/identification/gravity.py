@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, Finding, InputError, Mask, Value, freeze, frozen, table, told
-from dynid.identification import least_squares
-from dynid.identification.bayesian import deviations, inertial_prior, likely_scale, posterior
+from dynid.identification import bayesian, least_squares
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
 from dynid.recording import ExperimentRecord, RecordLike, are_poses, open_record
 from dynid.reduction import BaseParametrization, reduce_model
@@ -195,8 +194,8 @@ def gravity_of(robot: RobotModel, q: Array, torque: Array, *, frames: str = "") 
     )  # fmt: skip
     problem = IdentificationProblem(base=base, samples=samples)
     inertial, mapping = 10 * robot.joints, base_mapping(base)
-    mean = mapping[:, :inertial] @ inertial_prior(robot, model.frames).parameters.ravel()
-    spread = mapping[:, :inertial] @ deviations(robot, model.frames)
+    mean = mapping[:, :inertial] @ bayesian.inertial_prior(robot, model.frames).parameters.ravel()
+    spread = mapping[:, :inertial] @ bayesian.deviations(robot, model.frames)
     turn, sizes, _ = np.linalg.svd(spread, full_matrices=False)
     sizes = np.maximum(sizes, LEAST_SPREAD * sizes[0])
     root = turn.T / sizes[:, None]
@@ -204,8 +203,8 @@ def gravity_of(robot: RobotModel, q: Array, torque: Array, *, frames: str = "") 
 
     def solved(weights: Array) -> tuple[Array, Array]:
         if not robot.published.any():
-            scales.append(likely_scale(factors, weights, mean, root))
-        return posterior(factors, weights, base, mean, root / scales[-1])
+            scales.append(bayesian.likely_scale(factors, weights, mean, root))
+        return bayesian.posterior(factors, weights, base, mean, root / scales[-1])
 
     fit = least_squares.reweighted(problem, factors, None, solved)
     inverse = np.linalg.inv(fit.information)

@@ -8,18 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynid.core import (
-    Array,
-    Indices,
-    InputError,
-    JobError,
-    inverse_upper,
-    scipy_part,
-    upper_triangle,
-)
+from dynid import core, regressor
 from dynid.identification.least_squares import Estimator, Fit, WeightedLeastSquares, residual_noise
 from dynid.identification.problem import IdentificationProblem, joint_factors
-from dynid.regressor import InverseDynamicModel
 from dynid.signals import Samples, derivative, low_pass, motion_bandwidth, stretches
 
 BANDWIDTH_FACTOR = 4.0
@@ -31,7 +22,7 @@ GAP = 1.5
 """Steps in time longer than this many samples part two records."""
 
 
-def smooth_motion(samples: Samples) -> tuple[Samples, Indices]:
+def smooth_motion(samples: Samples) -> tuple[Samples, core.Indices]:
     """The motion low-passed near its own bandwidth, far below the cut-off of the samples.
 
     Several records are smoothed one by one.
@@ -45,18 +36,18 @@ def smooth_motion(samples: Samples) -> tuple[Samples, Indices]:
     """
     rate, block = samples.rate_hz, samples.block
     q, dq, ddq = np.array(samples.q), np.array(samples.dq), np.array(samples.ddq)
-    kept: list[Indices] = []
+    kept: list[core.Indices] = []
     for part in stretches(samples.t, GAP / rate):
         cutoff = smooth_cutoff(samples.q[part], rate)
         q[part] = low_pass(samples.q[part], rate, cutoff)
         dq[part] = derivative(q[part], rate, "central", cutoff)
         ddq[part] = derivative(dq[part], rate, "central", cutoff)
         edge = int(np.ceil(SETTLED * rate / cutoff))
-        inner: Indices = np.arange(part.start + edge, part.stop - edge, dtype=np.intp)
+        inner: core.Indices = np.arange(part.start + edge, part.stop - edge, dtype=np.intp)
         kept.append(inner[: len(inner) // block * block])
     indices = np.concatenate(kept)
     if len(indices) < 16 * block:
-        raise InputError(
+        raise core.InputError(
             "the record is too short to smooth its motion",
             value=f"{samples.count} samples",
             next_step="Use --estimator wls, or a longer record.",
@@ -64,12 +55,12 @@ def smooth_motion(samples: Samples) -> tuple[Samples, Indices]:
     return replace(samples, q=q, dq=dq, ddq=ddq, unfiltered_q=None), indices
 
 
-def smooth_cutoff(q: Array, rate_hz: float) -> float:
+def smooth_cutoff(q: core.Array, rate_hz: float) -> float:
     """Cut-off [Hz] of the smooth motion."""
     return max(BANDWIDTH_FACTOR * motion_bandwidth(q, rate_hz), LOWEST_HZ)
 
 
-def picked(samples: Samples, indices: Indices) -> Samples:
+def picked(samples: Samples, indices: core.Indices) -> Samples:
     """The samples at some indices."""
     names = ("t", "q", "dq", "ddq", "tau")
     chosen = {name: getattr(samples, name)[indices] for name in names}
@@ -100,10 +91,10 @@ class ClosedLoop:
     parameters. Semi-implicit in friction, so a Coulomb step of 0.001 rad/s does not chatter.
     """
 
-    model: InverseDynamicModel
-    parameters: Array
+    model: regressor.InverseDynamicModel
+    parameters: core.Array
     """(p) standard parameters of the arm."""
-    servo: Array | None = None
+    servo: core.Array | None = None
     """(p) what the servo believes of them; None for the truth."""
 
     def simulate(self, reference: Samples) -> Samples:
@@ -141,14 +132,16 @@ class ClosedLoop:
                 q = q + dq / (rate * steps) + ddq / (2 * (rate * steps) ** 2)
                 dq = dq + ddq / (rate * steps)
                 if not np.abs(q - aim[0]).max() < RUNAWAY:
-                    raise JobError(
+                    raise core.JobError(
                         "the simulation of the arm diverges: its model or its servo's is wrong",
                         value=f"{np.abs(q - aim[0]).max():.3g} rad or m beside its reference",
                         next_step="Use --estimator sdp, or record a better motion.",
                     )
         return replace(reference, q=out[0], dq=out[1], ddq=out[2], unfiltered_q=None)
 
-    def _acceleration(self, aim: tuple[Array, ...], q: Array, dq: Array, step: float) -> Array:
+    def _acceleration(
+        self, aim: tuple[core.Array, ...], q: core.Array, dq: core.Array, step: float
+    ) -> core.Array:
         """(B, n) accelerations of all stretches for what they aim at."""
         joints = q.shape[1]
         omega = 2 * np.pi * SERVO_HZ
@@ -172,13 +165,13 @@ class ClosedLoop:
             believed = _mass(torque[3 * count :], gravity)
         slope = np.maximum((nudged - bias) / NUDGE, 0.0)
         # The servo's torque is mass times wanted plus the planned bias.
-        implicit: Array = mass + step * slope[:, :, None] * np.eye(joints)
-        push: Array = np.einsum("bij,bj->bi", believed, wanted) + planned - bias
+        implicit: core.Array = mass + step * slope[:, :, None] * np.eye(joints)
+        push: core.Array = np.einsum("bij,bj->bi", believed, wanted) + planned - bias
         found = np.asarray(np.linalg.solve(implicit, push[:, :, None]), dtype=np.float64)
         return found[:, :, 0]
 
 
-def _mass(torque: Array, gravity: Array) -> Array:
+def _mass(torque: core.Array, gravity: core.Array) -> core.Array:
     """(B, n, n) mass matrices from the torques at rest and at each unit acceleration."""
     count, joints = gravity.shape
     units = torque[count:].reshape(joints, count, joints).transpose(1, 2, 0)
@@ -256,7 +249,7 @@ class OutputError(Estimator):
 
 
 def simulated_problem(
-    problem: IdentificationProblem, smooth: Samples, inner: Indices, values: Array
+    problem: IdentificationProblem, smooth: Samples, inner: core.Indices, values: core.Array
 ) -> IdentificationProblem:
     """The same torques with the motion of the simulated arm of base parameters (r)."""
     loop = ClosedLoop(model=problem.base.model, parameters=problem.base.to_standard(values))
@@ -264,8 +257,8 @@ def simulated_problem(
 
 
 def solve_instrumental(
-    measured: IdentificationProblem, simulated: IdentificationProblem, weights: Array
-) -> tuple[Array, Array]:
+    measured: IdentificationProblem, simulated: IdentificationProblem, weights: core.Array
+) -> tuple[core.Array, core.Array]:
     """(r) p = (Z' W)^-1 Z' tau, and the (r, r) triangular root of W' Z (Z' Z)^-1 Z' W.
 
     W and tau are the measured problem's, Z the simulated one's with as many rows; all rows are
@@ -283,17 +276,17 @@ def solve_instrumental(
         cross += np.einsum("rjt,sjt->rs", z * square, w, optimize=True)
         right += np.einsum("rjt,jt->r", z * square, torque, optimize=True)
         rows = (z * weights[:, None]).reshape(rank, -1).T
-        stacked = upper_triangle(np.vstack([stacked, rows]))
+        stacked = core.upper_triangle(np.vstack([stacked, rows]))
     scale = np.linalg.norm(stacked, axis=0)
     if (scale == 0).any() or np.linalg.cond(cross / np.outer(scale, scale)) > 1e13:
-        raise JobError(
+        raise core.JobError(
             "the instruments do not determine all parameters",
             next_step="Record a motion that excites every joint, or use --estimator wls.",
         )
     scaled = cross / np.outer(scale, scale)
     values = np.asarray(np.linalg.solve(scaled, right / scale), dtype=np.float64) / scale
     projected = np.asarray(np.linalg.solve(stacked.T, cross), dtype=np.float64)
-    return values, upper_triangle(projected)
+    return values, core.upper_triangle(projected)
 
 
 UPPER_SHARE = 0.7
@@ -302,7 +295,7 @@ LEAST_STEP = 1e-7
 """Steps of differences are no smaller [rad, rad/s, rad/s^2]."""
 
 
-def motion_covariance(density: Array, cutoff_hz: float) -> Array:
+def motion_covariance(density: core.Array, cutoff_hz: float) -> core.Array:
     """(3n, 3n) of q, dq, ddq at one instant: velocities are independent of the others.
 
     Of white position noise with a density as of `motion_noise`, let through up to a cut-off [Hz].
@@ -313,7 +306,7 @@ def motion_covariance(density: Array, cutoff_hz: float) -> Array:
     return np.asarray(np.kron(one, np.diag(density)), dtype=np.float64)
 
 
-def motion_noise(samples: Samples) -> Array:
+def motion_noise(samples: Samples) -> core.Array:
     """(n) one-sided power density of the position noise [rad^2/Hz].
 
     The level of the acceleration's spectrum between motion and cut-off; of several records the
@@ -360,13 +353,13 @@ class MaximumLikelihood(Estimator):
         start = WeightedLeastSquares(prior_gain=self.prior_gain).fit(problem)
         stride = -(-problem.samples.count // MOST_ROWS)
         likelihood = Likelihood.of(problem, start, slice(0, None, stride))
-        turn = inverse_upper(start.information)
+        turn = core.inverse_upper(start.information)
 
-        def cost(step: Array) -> tuple[float, Array]:
+        def cost(step: core.Array) -> tuple[float, core.Array]:
             value, slope = likelihood.cost(start.values + turn @ step)
             return value, turn.T @ slope
 
-        found = scipy_part("optimize").minimize(
+        found = core.scipy_part("optimize").minimize(
             cost,
             np.zeros(len(start.values)),
             jac=True,
@@ -379,8 +372,8 @@ class MaximumLikelihood(Estimator):
         for k in range(stride):
             part = Likelihood.of(problem, start, slice(k, None, stride))
             slope += part.cost(values)[1]
-            root = upper_triangle(np.vstack([root, part.information(values)]))
-        inverse = inverse_upper(root)
+            root = core.upper_triangle(np.vstack([root, part.information(values)]))
+        inverse = core.inverse_upper(root)
         values = values - inverse @ (inverse.T @ slope) / 2
         residual = problem.residual(values)
         spread = likelihood.torque_noise + likelihood.passed
@@ -398,17 +391,17 @@ class MaximumLikelihood(Estimator):
 class Likelihood:
     """Minus twice the log likelihood of base parameters, and its gradient."""
 
-    columns: Array
+    columns: core.Array
     """(r, n, N)"""
-    slopes: Array
+    slopes: core.Array
     """(r, n, 3n, N) derivatives of the columns by q, dq, ddq."""
-    torque: Array
+    torque: core.Array
     """(n, N) [N.m or N]"""
-    torque_noise: Array
+    torque_noise: core.Array
     """(n) variance of the torques."""
-    passed: Array
+    passed: core.Array
     """(n) variance that the noise of the motion adds to that, mean over the instants."""
-    motion_covariance: Array
+    motion_covariance: core.Array
     """(3n, 3n) of q, dq, ddq at one instant."""
 
     @staticmethod
@@ -437,7 +430,7 @@ class Likelihood:
             motion_covariance=covariance,
         )
 
-    def cost(self, values: Array) -> tuple[float, Array]:
+    def cost(self, values: core.Array) -> tuple[float, core.Array]:
         """Minus twice the log likelihood of base parameters (r), and its gradient (r)."""
         through, weight, error = self._parts(values)
         pulled = np.einsum("tij,jt->it", weight, error)
@@ -450,14 +443,14 @@ class Likelihood:
         gradient += 2.0 * np.einsum("rjkt,jkt->r", self.slopes, bars, optimize=True)
         return value, gradient
 
-    def information(self, values: Array) -> Array:
+    def information(self, values: core.Array) -> core.Array:
         """(r, r) triangular root of the Fisher information of the whole record."""
         _, weight, _ = self._parts(values)
         roots = np.linalg.cholesky(weight)
         rows = np.einsum("tij,rit->tjr", roots, self.columns).reshape(-1, len(values))
-        return upper_triangle(np.asarray(rows, dtype=np.float64))
+        return core.upper_triangle(np.asarray(rows, dtype=np.float64))
 
-    def _parts(self, values: Array) -> tuple[Array, Array, Array]:
+    def _parts(self, values: core.Array) -> tuple[core.Array, core.Array, core.Array]:
         """D (n, 3n, N), the inverse covariances (N, n, n) and the errors (n, N)."""
         through = np.tensordot(values, self.slopes, axes=1)
         spread = np.einsum("jkt,kl->jlt", through, self.motion_covariance)
@@ -467,15 +460,18 @@ class Likelihood:
 
 
 def _slopes(
-    model: InverseDynamicModel, motion: tuple[Array, ...], columns: list[int], steps: Array
-) -> Array:
+    model: regressor.InverseDynamicModel,
+    motion: tuple[core.Array, ...],
+    columns: list[int],
+    steps: core.Array,
+) -> core.Array:
     """(r, n, 3n, N) differences of the columns over the noise's own size (3, n)."""
     joints = model.robot.joints
     out = np.empty((len(columns), joints, 3 * joints, len(motion[0])))
     for kind in range(3):
         for j in range(joints):
             step = steps[kind, j]
-            ends: list[Array] = []
+            ends: list[core.Array] = []
             for sign in (1.0, -1.0):
                 moved = [x.copy() for x in motion]
                 moved[kind][:, j] += sign * step

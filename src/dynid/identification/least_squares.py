@@ -7,19 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynid.core import (
-    Array,
-    Indices,
-    InputError,
-    JobError,
-    Value,
-    frozen,
-    inverse_upper,
-    solve_upper,
-    upper_triangle,
-)
+from dynid import core, reduction
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
-from dynid.reduction import BaseParametrization
 
 PRIOR_GAIN = 1.0
 """Standard deviation expected of a parameter's share of the torque, over the torque itself."""
@@ -31,38 +20,38 @@ SETTLED = 1e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StandardFit(Value):
+class StandardFit(core.Value):
     """Standard parameters of an estimator that knows more than the data."""
 
-    values: Array
+    values: core.Array
     """(p) standard parameters."""
-    gain: Array
+    gain: core.Array
     """(p, r) how they move with the base parameters that the data alone would give."""
-    pulled: Array
+    pulled: core.Array
     """(p, k) how they move with errors of the prior, those of `deviations`."""
-    prior_share: Array
+    prior_share: core.Array
     """(p) 0: the data's word alone, to 1: the prior's."""
-    prior: Array
+    prior: core.Array
     """(p) the prior; NaN where there is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fit(Value):
+class Fit(core.Value):
     """A least-squares solution and what its statistics need."""
 
-    values: Array
+    values: core.Array
     """(r) base parameters."""
-    noise: Array
+    noise: core.Array
     """(n) residual standard deviation of each joint [N.m or N]."""
-    weights: Array
+    weights: core.Array
     """(n) weight of each joint's rows [1/(N.m)]; 1 for ordinary least squares."""
-    information: Array
+    information: core.Array
     """(r, r) upper triangular R with R'R = W' Omega^-1 W (+ prior)."""
-    row_weights: Array | None = None
+    row_weights: core.Array | None = None
     """(n, N) further weights of single rows, for robust estimators."""
     standard: StandardFit | None = None
     """Standard parameters, from estimators that find them."""
-    score_covariance: Array | None = None
+    score_covariance: core.Array | None = None
     """(r, r) covariance of scores besides those of the residuals: the precision of a Gaussian prior
     that is part of the information, or what an estimator may be off by itself."""
     choices: tuple[str, ...] = ()
@@ -95,13 +84,13 @@ class Estimator(ABC):
         fit = self.fit(problem)
         where = f"{type(self).__name__}.fit"
         if not isinstance(fit, Fit):  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise InputError(
+            raise core.InputError(
                 "returned no Fit", where=where, value=type(fit).__name__, limit="dynid.Fit"
             )
         n, r = problem.samples.joints, problem.base.rank
         shapes = {"values": (r,), "noise": (n,), "weights": (n,), "information": (r, r)}
         for name, shape in shapes.items():
-            frozen(getattr(fit, name), shape=shape, name=f"{where}: {name}")
+            core.frozen(getattr(fit, name), shape=shape, name=f"{where}: {name}")
         return fit
 
 
@@ -146,10 +135,10 @@ class WeightedLeastSquares(Estimator):
 
 def reweighted(
     problem: IdentificationProblem,
-    factors: Array,
+    factors: core.Array,
     groups: tuple[int, ...] | None,
-    solved: Callable[[Array], tuple[Array, Array]],
-    measured: Array | None = None,
+    solved: Callable[[core.Array], tuple[core.Array, core.Array]],
+    measured: core.Array | None = None,
 ) -> Fit:
     """The solution whose weights are those of its own residuals.
 
@@ -161,7 +150,7 @@ def reweighted(
     """
     which = np.arange(len(factors)) if groups is None else np.array(groups)
     if len(which) != len(factors):
-        raise InputError("one group a joint", value=len(which), limit=len(factors))
+        raise core.InputError("one group a joint", value=len(which), limit=len(factors))
     noise = scale = torque_scale(factors, problem)
     if measured is not None:
         # Repetitions that are copies show none.
@@ -179,12 +168,12 @@ def reweighted(
 
 
 def solve(
-    factors: Array,
-    weights: Array,
-    base: BaseParametrization,
+    factors: core.Array,
+    weights: core.Array,
+    base: reduction.BaseParametrization,
     prior_gain: float | None = None,
-    known: Array | None = None,
-) -> tuple[Array, Array]:
+    known: core.Array | None = None,
+) -> tuple[core.Array, core.Array]:
     """Values (r) and the triangular root (r, r) of the information of the weighted problem.
 
     From factors (n, r + 1, r + 1) of `joint_factors` and weights (n); `prior_gain` as `PRIOR_GAIN`,
@@ -206,12 +195,12 @@ def solve(
         # What no torque shows, but for rounding, stays with the prior: zero.
         scale[scale <= 1e-12 * scale.max()] = 1.0
         expected = max(prior_gain * np.linalg.norm(rows[:, r]), 1e-300)
-        root = inverse_upper(upper_triangle((mapping * expected / scale).T)).T
+        root = core.inverse_upper(core.upper_triangle((mapping * expected / scale).T)).T
         rows = np.vstack([rows, np.column_stack([root, np.zeros(r)])])
     return solve_rows(rows)
 
 
-def solve_rows(rows: Array, singular: float = 1e-13) -> tuple[Array, Array]:
+def solve_rows(rows: core.Array, singular: float = 1e-13) -> tuple[core.Array, core.Array]:
     """Least squares for [A b] (m, r + 1), columns of unit norm; values (r), the root (r, r) of A'A.
 
     Raises:
@@ -219,25 +208,25 @@ def solve_rows(rows: Array, singular: float = 1e-13) -> tuple[Array, Array]:
     """
     scale = np.linalg.norm(rows[:, :-1], axis=0)
     if (scale == 0).any():
-        raise JobError(
+        raise core.JobError(
             "a parameter has no effect on any torque or current of these recordings",
             next_step="The motion stands still or moves too few joints: record more, lock the "
             "joints that stand still ([locked] in a robot file), or identify with --preset best.",
         )
-    upper = upper_triangle(rows / np.append(scale, 1.0))
+    upper = core.upper_triangle(rows / np.append(scale, 1.0))
     root = upper[:-1, :-1]
     pivots = np.abs(np.diag(root))
     if pivots.min() < singular * pivots.max():
-        raise JobError(
+        raise core.JobError(
             "the observation matrix is singular to working precision",
             value=f"smallest pivot {pivots.min():.1e}",
             next_step="Record motions that load and accelerate every joint, or identify with "
             "--preset best.",
         )
-    return solve_upper(root, upper[:-1, -1]) / scale, root * scale
+    return core.solve_upper(root, upper[:-1, -1]) / scale, root * scale
 
 
-def autocorrelation(residual: Array, lag: int) -> Array:
+def autocorrelation(residual: core.Array, lag: int) -> core.Array:
     """(n) autocorrelation of (n, N) residuals at a lag."""
     centred = residual - residual.mean(axis=1, keepdims=True)
     energy = np.square(centred).sum(axis=1)
@@ -245,7 +234,9 @@ def autocorrelation(residual: Array, lag: int) -> Array:
     return np.divide(product, energy, out=np.zeros_like(energy), where=energy > 0)
 
 
-def residual_noise(factors: Array, values: Array, problem: IdentificationProblem) -> Array:
+def residual_noise(
+    factors: core.Array, values: core.Array, problem: IdentificationProblem
+) -> core.Array:
     """(n) residual standard deviations, N - r/n degrees of freedom each."""
     norms = np.linalg.norm(factors @ np.append(values, -1.0), axis=1)
     freedom = problem.blocks - problem.base.rank / len(factors)
@@ -254,13 +245,13 @@ def residual_noise(factors: Array, values: Array, problem: IdentificationProblem
     return np.maximum(norms / np.sqrt(max(freedom, 1.0)), floor)
 
 
-def torque_scale(factors: Array, problem: IdentificationProblem) -> Array:
+def torque_scale(factors: core.Array, problem: IdentificationProblem) -> core.Array:
     """(n) root mean square of the torques, one where a joint carries none."""
     scale = np.linalg.norm(factors[:, :, -1], axis=1) / np.sqrt(problem.blocks)
     return np.where(scale > 0, scale, 1.0)
 
 
-def pooled(noise: Array, groups: Indices) -> Array:
+def pooled(noise: core.Array, groups: core.Indices) -> core.Array:
     """Noise (n) with the root mean square of its group in each joint's place."""
     return np.array([np.sqrt(np.mean(np.square(noise[groups == g]))) for g in groups])
 
@@ -335,7 +326,7 @@ class TotalLeastSquares(Estimator):
         plain = WeightedLeastSquares().fit(problem)
         factors = joint_factors(problem)
         width = problem.base.rank + 1
-        stacked = upper_triangle((factors * plain.weights[:, None, None]).reshape(-1, width))
+        stacked = core.upper_triangle((factors * plain.weights[:, None, None]).reshape(-1, width))
         values = solve_total(stacked)
         # What it takes for errors of the columns may be none: as far off as it moved.
         moved = plain.information.T @ (plain.information @ (values - plain.values))
@@ -347,7 +338,7 @@ class TotalLeastSquares(Estimator):
         )
 
 
-def solve_total(augmented: Array) -> Array:
+def solve_total(augmented: core.Array) -> core.Array:
     """The total least-squares solution (r) of [A b] (m, r + 1), columns scaled to unit norm.
 
     Raises:
@@ -357,7 +348,7 @@ def solve_total(augmented: Array) -> Array:
     scale = np.where(scale > 0, scale, 1.0)
     last = np.linalg.svd(augmented / scale, full_matrices=False)[2][-1]
     if abs(last[-1]) < WEAK_TORQUE:
-        raise JobError(
+        raise core.JobError(
             "total least squares has no solution for this record",
             next_step="Use --estimator wls; its columns are nearly dependent on each other.",
         )

@@ -12,17 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from dynid import robot
 from dynid.core import Array, Finding, Value, freeze, solve_upper, table, told, upper_triangle
 from dynid.identification.shared import PAYLOAD, UNKNOWN, SharedFit, SharedProblem
-from dynid.robot import (
-    PARAMETER_UNITS,
-    PARAMETERS,
-    PSEUDO_INERTIA_BASIS,
-    frame_map,
-    from_pseudo_inertia,
-    tensor,
-    to_pseudo_inertia,
-)
 
 _START = 1e-3
 """Smallest eigenvalue of the first body, over the largest."""
@@ -32,7 +24,9 @@ _NEWTON = 50
 """Most steps with one of them; a few are enough."""
 _WHOLE, _STILL = 0.25, 1e-3
 """Steps that are taken whole, and last ones, as the barrier measures them: the digits double."""
-_UNITS = PSEUDO_INERTIA_BASIS / np.linalg.norm(PSEUDO_INERTIA_BASIS, axis=(1, 2), keepdims=True)
+_UNITS = robot.PSEUDO_INERTIA_BASIS / np.linalg.norm(
+    robot.PSEUDO_INERTIA_BASIS, axis=(1, 2), keepdims=True
+)
 """(10, 4, 4) symmetric matrices, orthonormal."""
 
 
@@ -43,7 +37,7 @@ def nearest_body(free: Array, covariance: Array) -> Array:
     answer of the whole problem, with all else already eliminated. The logarithm of the determinant
     keeps bodies inside, with a weight that goes to zero (Boyd and Vandenberghe 2004, chapter 11).
     """
-    values, vectors = np.linalg.eigh(to_pseudo_inertia(free))
+    values, vectors = np.linalg.eigh(robot.to_pseudo_inertia(free))
     if values[0] >= 0:
         return free.copy()
     white = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=np.float64)
@@ -58,7 +52,7 @@ def nearest_body(free: Array, covariance: Array) -> Array:
 
 
 def _body(root: Array) -> Array:
-    return np.asarray(from_pseudo_inertia(root @ root.T), dtype=np.float64)
+    return np.asarray(robot.from_pseudo_inertia(root @ root.T), dtype=np.float64)
 
 
 def _step(root: Array, white: Array, free: Array, weight: float) -> tuple[Array, float]:
@@ -67,7 +61,7 @@ def _step(root: Array, white: Array, free: Array, weight: float) -> tuple[Array,
     The body before the step is the unit matrix, of which the barrier bends every direction alike,
     and the step is by least squares: deviations of 1e-5 and 1e2 go together so.
     """
-    slope = from_pseudo_inertia(root @ _UNITS @ root.T).T
+    slope = robot.from_pseudo_inertia(root @ _UNITS @ root.T).T
     near = np.column_stack([white @ slope, white @ (free - _body(root))])
     bent = np.column_stack([np.eye(10), np.trace(_UNITS, axis1=1, axis2=2)])
     upper = upper_triangle(np.vstack([near, np.sqrt(weight) * bent]))[:10]
@@ -141,7 +135,7 @@ class Payload(Value):
         """(3, 3) tensor about the centre of mass, along the flange's axes [kg.m^2]."""
         lever = self.centre
         steiner = lever @ lever * np.eye(3) - np.outer(lever, lever)
-        return tensor(self.parameters) - self.mass * steiner
+        return robot.tensor(self.parameters) - self.mass * steiner
 
     @property
     def std(self) -> Array:
@@ -165,8 +159,8 @@ class Payload(Value):
             "centre_interval": np.stack([centre - half_centre, centre + half_centre], 1).tolist(),
             "inertia_about_centre": self.inertia.tolist(),
             "parameters": table(
-                name=PARAMETERS,
-                unit=PARAMETER_UNITS,
+                name=robot.PARAMETERS,
+                unit=robot.PARAMETER_UNITS,
                 value=self.parameters,
                 std=self.std,
                 least_squares=self.free,
@@ -180,9 +174,9 @@ class Payload(Value):
 def payload_of(problem: SharedProblem, fit: SharedFit) -> Payload:
     """The payload of a fit to records, moved to the flange and made physically consistent."""
     model = problem.problems[0].base.model
-    robot = model.robot
-    link_in_flange = np.linalg.inv(robot.flange) @ robot.parameter_frames[model.frames][-1]
-    turn = frame_map(np.asarray(link_in_flange, dtype=np.float64))
+    arm = model.robot
+    link_in_flange = np.linalg.inv(arm.flange) @ arm.parameter_frames[model.frames][-1]
+    turn = robot.frame_map(np.asarray(link_in_flange, dtype=np.float64))
     free = turn @ fit.solution.shared[-PAYLOAD:]
     covariance = turn @ fit.covariance[-PAYLOAD:, -PAYLOAD:] @ turn.T
     # The information of the fit weighs the data; the covariance judges what came of it.
@@ -205,7 +199,7 @@ def payload_of(problem: SharedProblem, fit: SharedFit) -> Payload:
 def _findings(free: Array, covariance: Array) -> Iterator[Finding]:
     unseen = np.sqrt(np.diag(covariance)) > UNKNOWN / 2
     if unseen.any():
-        names = ", ".join(itertools.compress(PARAMETERS, unseen))
+        names = ", ".join(itertools.compress(robot.PARAMETERS, unseen))
         text = f"no torque of these motions depends on {names} of the payload"
         yield Finding("low_excitation", text)
     spread = float(np.sqrt(covariance[0, 0]))

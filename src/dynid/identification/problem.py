@@ -5,17 +5,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from dynid import reduction, regressor, signals
 from dynid.core import Array, InputError, Value, upper_triangle
-from dynid.reduction import BaseParametrization, reduce_model
-from dynid.regressor import CHUNK, InverseDynamicModel
 from dynid.robot import RobotModel
-from dynid.signals import (
-    ProcessingSettings,
-    Samples,
-    UniformSignals,
-    motion_bandwidth,
-    samples_from,
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,9 +19,9 @@ class IdentificationProblem(Value):
             parameters.
     """
 
-    base: BaseParametrization
+    base: reduction.BaseParametrization
     """The base parametrization of the model."""
-    samples: Samples
+    samples: signals.Samples
     """Processed motion and torques."""
     state: Array | None = field(init=False)
     """(n, N) state of presliding friction along the samples, where the model has it."""
@@ -81,13 +73,13 @@ class IdentificationProblem(Value):
         return out
 
 
-def chunk_size(samples: Samples) -> int:
+def chunk_size(samples: signals.Samples) -> int:
     """Samples evaluated at once: what lies beside a chunk must not outweigh it."""
     reach = 0 if samples.torque_filter is None else samples.torque_filter.reach(samples.rate_hz)
-    return max(CHUNK, 4 * reach)
+    return max(regressor.CHUNK, 4 * reach)
 
 
-def motion_state(model: InverseDynamicModel, samples: Samples) -> Array | None:
+def motion_state(model: regressor.InverseDynamicModel, samples: signals.Samples) -> Array | None:
     """(n, N) state of presliding friction along samples; None without any."""
     # Only averaged periods know the scatter between them.
     periodic = samples.noise is not None
@@ -98,8 +90,8 @@ def motion_state(model: InverseDynamicModel, samples: Samples) -> Array | None:
 
 
 def recorded_rows(
-    model: InverseDynamicModel,
-    samples: Samples,
+    model: regressor.InverseDynamicModel,
+    samples: signals.Samples,
     part: slice,
     columns: list[int],
     state: Array | None,
@@ -208,7 +200,7 @@ def scaled_condition_number(root: Array, mapping: Array) -> float:
     return float(values[0] / weakest) if weakest > 1e-15 * values[0] else LARGEST
 
 
-def base_mapping(base: BaseParametrization) -> Array:
+def base_mapping(base: reduction.BaseParametrization) -> Array:
     """(r, p) B with p_B = B p."""
     mapping = np.zeros((base.rank, len(base.model.columns)))
     mapping[np.arange(base.rank), list(base.independent)] = 1.0
@@ -219,8 +211,8 @@ def base_mapping(base: BaseParametrization) -> Array:
 def motion_condition_number(
     robot: RobotModel,
     frames: str,
-    recordings: Sequence[UniformSignals],
-    settings: ProcessingSettings,
+    recordings: Sequence[signals.UniformSignals],
+    settings: signals.ProcessingSettings,
 ) -> float:
     """How much errors of torque can grow from the recordings to motions elsewhere.
 
@@ -233,10 +225,12 @@ def motion_condition_number(
     Differentiated noise fills the columns of a poor record: the motion is smoothed down to twice
     its own bandwidth first, which leaves a good record as it is.
     """
-    base = reduce_model(InverseDynamicModel(robot=robot, frames=frames))
+    base = reduction.reduce_model(regressor.InverseDynamicModel(robot=robot, frames=frames))
     problems: list[IdentificationProblem] = []
-    for signals in recordings:
-        cutoff = max(BANDWIDTH_FACTOR * motion_bandwidth(signals.q, signals.rate_hz), LOWEST_HZ)
+    for uniform in recordings:
+        cutoff = max(
+            BANDWIDTH_FACTOR * signals.motion_bandwidth(uniform.q, uniform.rate_hz), LOWEST_HZ
+        )
         smooth = replace(
             settings,
             cutoff_hz=cutoff,
@@ -245,7 +239,9 @@ def motion_condition_number(
             decimate=True,
             torque_filter=None,
         )
-        problems.append(IdentificationProblem(base=base, samples=samples_from(signals, smooth)))
+        problems.append(
+            IdentificationProblem(base=base, samples=signals.samples_from(uniform, smooth))
+        )
     recorded = np.concatenate([joint_factors(problem) for problem in problems], axis=1)
     torque = np.linalg.norm(recorded[..., -1], axis=1)
     torque = np.maximum(torque, 1e-6 * (torque.max() or 1.0))

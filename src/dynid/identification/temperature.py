@@ -16,20 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import (
-    Array,
-    Finding,
-    InputError,
-    JobError,
-    JsonFields,
-    Value,
-    finding_from_json,
-    freeze,
-    frozen,
-    load_object,
-    plain,
-    write_json,
-)
+from dynid import core
 from dynid.identification.estimate import Estimate, estimate_to_json, read_estimate
 from dynid.identification.shared import (
     base_order,
@@ -48,7 +35,7 @@ CONVERGED = 1e-10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointTemperatureLaw(Value):
+class JointTemperatureLaw(core.Value):
     """The friction of one joint at any temperature.
 
     Raises:
@@ -59,13 +46,13 @@ class JointTemperatureLaw(Value):
     """(f) its friction parameters, e.g. `Fc`, `Fv`."""
     law: str
     """`exponential`, `linear`, or `constant` where temperatures hardly differed."""
-    reference: Array
+    reference: core.Array
     """(f) values at the reference temperature."""
-    slope: Array
+    slope: core.Array
     """(f) relative change per degree there, positive for a fall [1/K]."""
-    covariance: Array
+    covariance: core.Array
     """(2 f, 2 f) of `reference`, then `slope`; zero where a slope is fixed at zero."""
-    gain: Array
+    gain: core.Array
     """(2 f, R f) how both move with the records' own parameters, record by record."""
     reference_degC: float
     """The reference temperature [degC]."""
@@ -76,10 +63,10 @@ class JointTemperatureLaw(Value):
 
     def __post_init__(self) -> None:
         f = len(self.symbols)
-        freeze(self, "laws:", reference=(f,), slope=(f,), covariance=(2 * f, 2 * f))
-        freeze(self, "laws:", gain=(2 * f, None))
+        core.freeze(self, "laws:", reference=(f,), slope=(f,), covariance=(2 * f, 2 * f))
+        core.freeze(self, "laws:", gain=(2 * f, None))
 
-    def at(self, temperature_degC: float) -> tuple[Array, Array]:
+    def at(self, temperature_degC: float) -> tuple[core.Array, core.Array]:
         """Friction parameters (f) at a temperature [degC].
 
         And their derivative (f, 2 f) by `reference` and `slope`.
@@ -89,9 +76,9 @@ class JointTemperatureLaw(Value):
 
 
 def fit_law(
-    values: Array,
-    covariance: Array,
-    temperature_degC: Array,
+    values: core.Array,
+    covariance: core.Array,
+    temperature_degC: core.Array,
     symbols: Sequence[str],
     *,
     law: str = "auto",
@@ -110,7 +97,7 @@ def fit_law(
         JobError: A singular covariance, or an exponential law that does not converge.
     """
     if law not in (*LAWS, "auto"):
-        raise InputError("unknown law", value=law, limit=(*LAWS, "auto"))
+        raise core.InputError("unknown law", value=law, limit=(*LAWS, "auto"))
     if np.ptp(temperature_degC) < LEAST_SPREAD_K:
         return _fit(values, covariance, temperature_degC, tuple(symbols), "constant")
     if law != "auto":
@@ -121,7 +108,7 @@ def fit_law(
         return linear
     try:
         curved = _fit(values, covariance, temperature_degC, tuple(symbols), "exponential")
-    except JobError:
+    except core.JobError:
         # Values that are noise have both signs, which no exponential has.
         return linear
     return min(curved, linear, key=lambda one: one.chi_squared)
@@ -129,7 +116,11 @@ def fit_law(
 
 @np.errstate(over="ignore")
 def _fit(
-    values: Array, covariance: Array, temperature: Array, symbols: tuple[str, ...], law: str
+    values: core.Array,
+    covariance: core.Array,
+    temperature: core.Array,
+    symbols: tuple[str, ...],
+    law: str,
 ) -> JointTemperatureLaw:
     """Gauss-Newton in reference values and slopes, from the linear law's answer."""
     records, count = values.shape
@@ -141,7 +132,7 @@ def _fit(
     try:
         root = np.linalg.cholesky(covariance / np.outer(scale, scale))
     except np.linalg.LinAlgError:
-        raise JobError(
+        raise core.JobError(
             "the friction of one record follows from that of another",
             value=f"{records} records",
             next_step="Use recordings of separate runs: copies have the same noise.",
@@ -180,8 +171,8 @@ def _fit(
     )
 
 
-def _diverged(values: Array, law: str) -> JobError:
-    return JobError(
+def _diverged(values: core.Array, law: str) -> core.JobError:
+    return core.JobError(
         "the temperature law does not converge",
         value=f"{law}, friction {values.round(3).tolist()}",
         next_step="Fit a linear law: friction of both signs falls by no exponential.",
@@ -189,8 +180,8 @@ def _diverged(values: Array, law: str) -> JobError:
 
 
 def _evaluate(
-    law: str, symbols: tuple[str, ...], reference: Array, slope: Array, rise: float
-) -> tuple[Array, Array]:
+    law: str, symbols: tuple[str, ...], reference: core.Array, slope: core.Array, rise: float
+) -> tuple[core.Array, core.Array]:
     """Values (f) at a rise of temperature, and their slopes (f, 2 f) by reference and slope."""
     curved = np.array([law == "exponential" and VARIES.get(s) == "law" for s in symbols])
     decay = np.exp(-slope * rise)
@@ -206,7 +197,7 @@ CHOICE = "friction at "
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TemperatureModel(Value):
+class TemperatureModel(core.Value):
     """What is needed to give an estimate for any temperatures; `write_temperature` keeps it.
 
     Raises:
@@ -217,27 +208,29 @@ class TemperatureModel(Value):
     """One estimate with the shared inertias; its friction is of no account."""
     laws: tuple[JointTemperatureLaw, ...]
     """One a joint."""
-    temperature_degC: Array
+    temperature_degC: core.Array
     """(R, n) mean joint temperatures of the records [degC]."""
-    covariance: Array
+    covariance: core.Array
     """(P, P) of every record's own parameters in turn, then of the inertias; see `SharedFit`."""
-    naive: Array
+    naive: core.Array
     """(P, P) the same as if residuals were not correlated in time."""
-    warnings: tuple[Finding, ...] = ()
+    warnings: tuple[core.Finding, ...] = ()
     """Findings of the identification."""
 
     def __post_init__(self) -> None:
         known, records = self.estimate, len(self.temperature_degC)
         size = len(known.values) + (records - 1) * len(friction_parameters(known))
-        freeze(self, temperature_degC=(None, known.model.robot.joints))
-        freeze(self, covariance=(size, size), naive=(size, size))
+        core.freeze(self, temperature_degC=(None, known.model.robot.joints))
+        core.freeze(self, covariance=(size, size), naive=(size, size))
         wanted = [(2 * len(own), records * len(own)) for own in friction_places(known)]
         shapes = [law.gain.shape for law in self.laws]
         if shapes != wanted:
-            raise InputError("laws: not those of the joints' friction", value=shapes, limit=wanted)
+            raise core.InputError(
+                "laws: not those of the joints' friction", value=shapes, limit=wanted
+            )
 
     @property
-    def reference_degC(self) -> Array:
+    def reference_degC(self) -> core.Array:
         """(n) temperatures in the middle of the records [degC]."""
         return np.array([law.reference_degC for law in self.laws])
 
@@ -251,10 +244,10 @@ class TemperatureModel(Value):
             InputError: Another number of joints, or temperatures that are no numbers.
         """
         joints = len(self.laws)
-        wanted = frozen(temperature_degC, shape=None, name="temperature")
+        wanted = core.frozen(temperature_degC, shape=None, name="temperature")
         if wanted.shape not in ((), (joints,)):
             said, limit = "needs one temperature, or one a joint", f"{joints} joints"
-            raise InputError(said, value=temperature_degC, limit=limit)
+            raise core.InputError(said, value=temperature_degC, limit=limit)
         wanted = np.broadcast_to(wanted, (joints,))
         known, records = self.estimate, len(self.temperature_degC)
         own, values = np.array(friction_parameters(known), dtype=np.intp), known.values.copy()
@@ -275,7 +268,7 @@ class TemperatureModel(Value):
         )
 
 
-def _beyond(laws: Sequence[JointTemperatureLaw], wanted: Sequence[float]) -> Iterator[Finding]:
+def _beyond(laws: Sequence[JointTemperatureLaw], wanted: Sequence[float]) -> Iterator[core.Finding]:
     """A word about temperatures [degC] that the records did not have; nothing if they had."""
     far = [
         f"joint {j + 1} at {degC:.3g} degC (records: {law.range_degC[0]:.3g} to "
@@ -284,7 +277,7 @@ def _beyond(laws: Sequence[JointTemperatureLaw], wanted: Sequence[float]) -> Ite
         if not law.range_degC[0] - BEYOND_K <= degC <= law.range_degC[1] + BEYOND_K
     ]
     if far:
-        yield Finding("extrapolated", f"temperatures beyond the records: {', '.join(far)}")
+        yield core.Finding("extrapolated", f"temperatures beyond the records: {', '.join(far)}")
 
 
 KEY = "temperature"
@@ -306,9 +299,9 @@ def write_temperature(found: TemperatureModel, path: str | Path) -> None:
     """
     middle = found.estimate_at(found.reference_degC)
     names = ("temperature_degC", "covariance", "naive", "laws")
-    laws = {name: plain(getattr(found, name)) for name in names}
+    laws = {name: core.plain(getattr(found, name)) for name in names}
     laws["warnings"] = [notice.to_json() for notice in found.warnings]
-    write_json(Path(path), {**estimate_to_json(middle), KEY: laws})
+    core.write_json(Path(path), {**estimate_to_json(middle), KEY: laws})
 
 
 def read_temperature(path: str | Path) -> TemperatureModel:
@@ -318,19 +311,19 @@ def read_temperature(path: str | Path) -> TemperatureModel:
         InputError: No such file, not an estimate, one without temperature laws, or damaged.
     """
     estimate = read_estimate(path)
-    fields = load_object(path)
+    fields = core.load_object(path)
     if KEY not in fields.values:
-        raise InputError(_NO_LAWS, where=str(path), next_step=_MAKE)
+        raise core.InputError(_NO_LAWS, where=str(path), next_step=_MAKE)
     try:
         laws = fields.object(KEY)
         return laws.made(
             TemperatureModel,
             estimate=estimate,
             laws=tuple(map(_law, laws.objects("laws"))),
-            warnings=tuple(finding_from_json(one.values) for one in laws.objects("warnings")),
+            warnings=tuple(core.finding_from_json(one.values) for one in laws.objects("warnings")),
         )
-    except InputError as error:
-        raise InputError(error.what, where=str(path), value=error.value) from error
+    except core.InputError as error:
+        raise core.InputError(error.what, where=str(path), value=error.value) from error
 
 
 EstimateLike = Estimate | TemperatureModel | str | Path
@@ -353,13 +346,13 @@ def open_estimate(estimate: EstimateLike, at_degC: float | None = None) -> Estim
     if isinstance(estimate, TemperatureModel):
         return estimate.estimate_at(estimate.reference_degC if at_degC is None else at_degC)
     if not isinstance(estimate, Estimate):  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise InputError("not an estimate or its file", value=type(estimate).__name__)
+        raise core.InputError("not an estimate or its file", value=type(estimate).__name__)
     if at_degC is not None:
-        raise InputError(_NO_LAWS, next_step=_MAKE)
+        raise core.InputError(_NO_LAWS, next_step=_MAKE)
     return estimate
 
 
-def _law(fields: JsonFields) -> JointTemperatureLaw:
+def _law(fields: core.JsonFields) -> JointTemperatureLaw:
     # A joint without friction has empty matrices.
     names = () if fields.get("symbols") else ("covariance", "gain")
     return fields.made(JointTemperatureLaw, **dict.fromkeys(names, np.zeros((0, 0))))

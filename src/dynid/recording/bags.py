@@ -15,11 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynid.core import Array, RecordError, UnclearRecordError, printable
-from dynid.recording import bagfiles
+from dynid.recording import bagfiles, content, headers
 from dynid.recording.bagfiles import Catalog, Topic
 from dynid.recording.columns import assign
-from dynid.recording.content import Budget, first_bytes
-from dynid.recording.headers import NotRecognised, match_headers
 from dynid.recording.messages import MessageDecoder, MessageError, Messages
 from dynid.recording.names import TARGET
 from dynid.recording.table import TORQUE_SOURCES, RawTable, ReadOptions
@@ -167,8 +165,8 @@ def _choose_by_fields(
             return item, first
         try:
             with _of_topic(item):
-                match = match_headers(first, joints)
-        except NotRecognised:
+                match = headers.match_headers(first, joints)
+        except headers.NotRecognised:
             continue
         except RecordError as error:
             unclear.append(error)
@@ -241,7 +239,7 @@ def _collect(
     return topics
 
 
-def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTable:
+def read_bag(paths: list[Path], options: ReadOptions, budget: content.Budget) -> RawTable:
     """Read the messages of one topic: JointState, or others that the bag defines; see `Reader`.
 
     Stamps are those of the headers; where those are all zero, the receive times. Joints are
@@ -361,7 +359,7 @@ def _clock_facts(times: NDArray[np.int64]) -> dict[str, Any]:
 def _messages(paths: Sequence[Path], catalog: Catalog) -> Iterator[bagfiles.Message]:
     """The messages that a catalog wants, of all files of a bag."""
     for path in paths:
-        head = first_bytes(path, 16)
+        head = content.first_bytes(path, 16)
         if head.startswith(bagfiles.MCAP_MAGIC):
             yield from bagfiles.mcap_messages(path, catalog)
         elif head.startswith(bagfiles.ROS1_MAGIC):

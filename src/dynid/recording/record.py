@@ -10,16 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import (
-    Array,
-    Finding,
-    InputError,
-    JsonFields,
-    RecordError,
-    Value,
-    finding_from_json,
-    frozen,
-)
+from dynid import core
 from dynid.recording.names import places_of, said_of_others
 from dynid.robot import RobotModel
 
@@ -69,7 +60,7 @@ class RecordMetadata:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExperimentRecord(Value):
+class ExperimentRecord(core.Value):
     """A recording: time stamps and signals, strictly increasing and finite.
 
     Raises:
@@ -78,25 +69,25 @@ class ExperimentRecord(Value):
         InputError: Shapes that disagree, or what is no finite number.
     """
 
-    t: Array
+    t: core.Array
     """(N) time [s], strictly increasing."""
-    signals: Mapping[str, Array]
+    signals: Mapping[str, core.Array]
     """Quantity (one of `JOINT_QUANTITIES`) to (N, n) samples, SI units."""
     metadata: RecordMetadata = field(default_factory=RecordMetadata)
     """Robot, origin, format and units."""
-    problems: tuple[Finding, ...] = ()
+    problems: tuple[core.Finding, ...] = ()
     """What was found and repaired in reading."""
-    channels: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    channels: Mapping[str, core.Array] = field(default_factory=dict[str, core.Array])
     """Other columns kept as they came, name to (N)."""
 
     def __post_init__(self) -> None:
-        t = frozen(self.t, shape=(None,), name="t")
+        t = core.frozen(self.t, shape=(None,), name="t")
         object.__setattr__(self, "t", t)
         if len(t) < 2:
-            raise RecordError("a recording needs at least two samples", value=len(t))
+            raise core.RecordError("a recording needs at least two samples", value=len(t))
         if not (np.diff(t) > 0).all():
             row = int(np.argmax(np.diff(t) <= 0)) + 1
-            raise RecordError(f"time does not increase at sample {row}", value=float(t[row]))
+            raise core.RecordError(f"time does not increase at sample {row}", value=float(t[row]))
         for name, kind in (
             ("signals", Mapping),
             ("channels", Mapping),
@@ -104,22 +95,24 @@ class ExperimentRecord(Value):
         ):
             if not isinstance(value := getattr(self, name), kind):
                 what, got = f"{name} of a recording", type(value).__name__
-                raise RecordError(what, value=got, limit=f"a {kind.__name__}")
+                raise core.RecordError(what, value=got, limit=f"a {kind.__name__}")
         check_quantities(self.signals)
-        q = frozen(self.signals["q"], shape=(len(t), None), name="q")
+        q = core.frozen(self.signals["q"], shape=(len(t), None), name="q")
         shape = q.shape
         signals = {
-            name: frozen(value, shape=shape, name=name) for name, value in self.signals.items()
+            name: core.frozen(value, shape=shape, name=name) for name, value in self.signals.items()
         }
         channels = {
-            name: frozen(value, shape=(len(t),), name=name, finite=False)
+            name: core.frozen(value, shape=(len(t),), name=name, finite=False)
             for name, value in self.channels.items()
         }
         object.__setattr__(self, "signals", MappingProxyType(signals))
         object.__setattr__(self, "channels", MappingProxyType(channels))
         names = self.metadata.joint_names
         if names and len(names) != shape[1]:
-            raise RecordError("joint names do not match the columns", value=names, limit=shape[1])
+            raise core.RecordError(
+                "joint names do not match the columns", value=names, limit=shape[1]
+            )
 
     @property
     def samples(self) -> int:
@@ -165,7 +158,7 @@ class Description:
     joints: int
     channels: tuple[str, ...]
     metadata: RecordMetadata
-    problems: tuple[Finding, ...]
+    problems: tuple[core.Finding, ...]
 
     @classmethod
     def of(cls, data: Any, problems: Iterable[Any]) -> "Description":
@@ -175,10 +168,12 @@ class Description:
             RecordError: A field that is missing or of the wrong type.
         """
         try:
-            found = tuple(map(finding_from_json, problems))
-            made = JsonFields(data).made(cls, problems=found)
-        except (InputError, AttributeError, KeyError, TypeError, ValueError) as error:
-            raise RecordError("the recording's description is damaged", value=str(error)) from error
+            found = tuple(map(core.finding_from_json, problems))
+            made = core.JsonFields(data).made(cls, problems=found)
+        except (core.InputError, AttributeError, KeyError, TypeError, ValueError) as error:
+            raise core.RecordError(
+                "the recording's description is damaged", value=str(error)
+            ) from error
         check_quantities(made.quantities)
         return made
 
@@ -187,7 +182,7 @@ class Description:
         """The names of time, signals and channels, in the order of the columns."""
         return ["t", *column_names(self.quantities, self.joints), *self.channels]
 
-    def record(self, columns: Sequence[Array]) -> ExperimentRecord:
+    def record(self, columns: Sequence[core.Array]) -> ExperimentRecord:
         """The recording of these columns, each (N)."""
         n, start = self.joints, 1 + self.joints * len(self.quantities)
         return ExperimentRecord(
@@ -215,7 +210,7 @@ def with_gains(found: RecordMetadata, joints: int, gains: Sequence[float] | None
     except (TypeError, ValueError):
         values = ()
     if len(values) != joints or not all(math.isfinite(gain) and gain for gain in values):
-        raise RecordError(
+        raise core.RecordError(
             "one drive gain a joint is needed, finite and not zero [N.m/A]",
             where="--gains",
             value=",".join(map(str, gains)),
@@ -226,7 +221,7 @@ def with_gains(found: RecordMetadata, joints: int, gains: Sequence[float] | None
 
 def of_robot(
     found: RecordMetadata, joints: int, robot: RobotModel | None
-) -> tuple[RecordMetadata, tuple[int, ...], tuple[Finding, ...]]:
+) -> tuple[RecordMetadata, tuple[int, ...], tuple[core.Finding, ...]]:
     """Metadata fitted to a robot, the columns in the order of its joints, and what to tell.
 
     Raises:
@@ -235,7 +230,7 @@ def of_robot(
     order, told = tuple(range(joints)), ""
     if robot is not None:
         if joints != robot.joints:
-            raise RecordError(
+            raise core.RecordError(
                 f"the recording has {joints} joints but {robot.name} has {robot.joints}"
             )
         names, own = found.joint_names, found.drive_gains
@@ -247,7 +242,7 @@ def of_robot(
             found = replace(found, joint_names=robot.joint_names, drive_gains=own)
         # A recording that says of which robot it is can be given to another one by mistake.
         found = replace(found, robot=found.robot or robot.name)
-    return found, order, (Finding("unit_suspect", told),) if told else ()
+    return found, order, (core.Finding("unit_suspect", told),) if told else ()
 
 
 def column_names(quantities: Iterable[str], joints: int) -> list[str]:
@@ -263,13 +258,15 @@ def check_quantities(quantities: Iterable[str]) -> tuple[str, ...]:
     """
     names = tuple(quantities)
     if len(set(names)) != len(names) or not set(names) <= set(JOINT_QUANTITIES):
-        raise RecordError("unknown or repeated quantities", value=names, limit=JOINT_QUANTITIES)
+        raise core.RecordError(
+            "unknown or repeated quantities", value=names, limit=JOINT_QUANTITIES
+        )
     if "q" not in names:
-        raise RecordError("a recording needs positions q", value=names)
+        raise core.RecordError("a recording needs positions q", value=names)
     return names
 
 
-def digest(description: Mapping[str, Any], columns: Iterable[Array]) -> str:
+def digest(description: Mapping[str, Any], columns: Iterable[core.Array]) -> str:
     """A fingerprint of a description, without its own digest, and of all columns."""
     hasher = hashlib.blake2b(json.dumps(description, sort_keys=True).encode(), digest_size=16)
     for column in columns:
@@ -282,7 +279,7 @@ def identity(record: ExperimentRecord) -> str:
     return record.metadata.input_hash or signals_hash(record, record.t)
 
 
-def signals_hash(record: ExperimentRecord, t: Array | None = None) -> str:
+def signals_hash(record: ExperimentRecord, t: core.Array | None = None) -> str:
     """The hash of a record's positions and torques, whatever file and stamps they came from.
 
     With times (N) these count too.
@@ -306,7 +303,7 @@ APART = 0.02
 changes by its last digit alone."""
 
 
-def are_poses(q: Array) -> bool:
+def are_poses(q: core.Array) -> bool:
     """Whether rows (N, n) of positions are single poses, each unrelated to the one before."""
     ranges = np.ptp(q, axis=0)
     away = ranges > AWAY

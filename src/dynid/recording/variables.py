@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynid.core import Array, Finding, RecordError, UnclearRecordError, printable
-from dynid.recording import table
+from dynid.recording import headers, table
 from dynid.recording.cells import factors_of, is_missing, past_midnight, stamp, taken_as_it_is
 from dynid.recording.columns import conversions, select
-from dynid.recording.headers import Match, NotRecognised, match_headers
 from dynid.recording.names import parse_name, says_degrees
 
 SLICE = re.compile(r"(.+?)\[(?::\s*,)?\s*([\d:+]+)\s*\]")
@@ -37,7 +36,7 @@ def _unit_of(quantity: str, path: str) -> str:
 
 def _guess_variables(
     variables: Mapping[str, Array], joints: Sequence[str]
-) -> tuple[dict[str, Array], dict[str, str], Match]:
+) -> tuple[dict[str, Array], dict[str, str], headers.Match]:
     """Quantity to array, quantity to path, and what the paths of the variables say.
 
     Raises:
@@ -51,7 +50,7 @@ def _guess_variables(
     arrays: dict[str, Array] = {}
     labels: dict[str, str] = {}
     with _by_names(variables, paths):
-        match = match_headers(paths, joints)
+        match = headers.match_headers(paths, joints)
     _require_one_set(
         variables, {name: [paths[k] for k in match.columns[name]] for name in match.columns}
     )
@@ -86,7 +85,7 @@ def _by_names(variables: Mapping[str, Array], paths: Sequence[str]) -> Generator
     try:
         yield
     except RecordError as error:
-        known = error.value and not isinstance(error, NotRecognised)
+        known = error.value and not isinstance(error, headers.NotRecognised)
         shown = f" ({printable(str(error.value), 200)})" if known else ""
         raise UnclearRecordError(
             f"the variables cannot be recognised by their names: {error.what}{shown}",
@@ -172,7 +171,7 @@ def table_of(
     """
     if not variables:
         raise RecordError("there are no arrays of numbers")
-    match = Match(columns={}, clocks=())
+    match = headers.Match(columns={}, clocks=())
     joints = len(options.joints) or None
     if options.columns is None:
         arrays, paths, match = _guess_variables(variables, options.joints)

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, Finding, InputError, JobError, RecordError, free_name, require_absent
-from dynid.recording import store
-from dynid.recording.content import said
+from dynid.recording import content, store
 from dynid.recording.record import RecordMetadata, check_quantities, metadata_to_json
 
 _FLUSH_S = 0.5
@@ -238,7 +237,7 @@ class RecordWriter:
         # A disk that takes no more; what it has is closed all the same.
         with suppress(JobError):
             if error is not None and self._file is not None and not self._aborted:
-                self.report(Finding("aborted", f"the recording was stopped: {said(error)}"))
+                self.report(Finding("aborted", f"the recording was stopped: {content.said(error)}"))
         try:
             self.close()
         except (InputError, JobError):

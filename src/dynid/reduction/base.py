@@ -10,18 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import (
-    Array,
-    Finding,
-    Indices,
-    InputError,
-    Mask,
-    Value,
-    frozen,
-    read_only,
-    solve_upper,
-    upper_triangle,
-)
+from dynid import core
 from dynid.regressor import InverseDynamicModel, Places
 from dynid.robot import RobotModel, nominal_geometry, structural_gravity
 
@@ -32,8 +21,8 @@ ACCELERATION = 5.5 * np.pi
 
 
 def random_states(
-    robot: RobotModel, samples: int, seed: int, speed: float | Array = SPEED
-) -> tuple[Array, Array, Array]:
+    robot: RobotModel, samples: int, seed: int, speed: float | core.Array = SPEED
+) -> tuple[core.Array, core.Array, core.Array]:
     """Uniform random q, dq, ddq, each (samples, n); q spans +-pi rad or +-1 m, dq +-speed (n)."""
     generator = np.random.default_rng(seed)
     shape = (samples, robot.joints)
@@ -59,11 +48,11 @@ WEAK = 1e-5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rank(Value):
+class Rank(core.Value):
     """Rank and classes that do not depend on the choice of base columns."""
 
     rank: int
-    normalised_singular_values: Array
+    normalised_singular_values: core.Array
     """(p) singular values with columns scaled to unit norm."""
     alone: tuple[int, ...]
     """Columns in the row space: identifiable alone."""
@@ -80,7 +69,7 @@ class Rank(Value):
         return float(s[self.rank - 1] / s[0]), float(after)
 
 
-def rank_and_classes(w: Array, tolerance: float = RANK_TOLERANCE) -> Rank:
+def rank_and_classes(w: core.Array, tolerance: float = RANK_TOLERANCE) -> Rank:
     """Rank and classes of W (M, p).
 
     Class by null space V2 and row space V1: column j is unidentifiable if W e_j = 0, alone if
@@ -88,13 +77,13 @@ def rank_and_classes(w: Array, tolerance: float = RANK_TOLERANCE) -> Rank:
     """
     scaled, _, zero = _unit_columns(w)
     # The triangle has the same singular values and row space, whatever the number of rows.
-    _, s, vt = np.linalg.svd(upper_triangle(scaled))
+    _, s, vt = np.linalg.svd(core.upper_triangle(scaled))
     rank = int((s > tolerance * s[0]).sum())
     null_norms = np.linalg.norm(vt[rank:], axis=0)
     alone = null_norms < CLASS_TOLERANCE
     return Rank(
         rank=rank,
-        normalised_singular_values=read_only(s),
+        normalised_singular_values=core.read_only(s),
         alone=tuple(np.flatnonzero(alone).tolist()),
         combined=tuple(np.flatnonzero(~alone & ~zero).tolist()),
         unidentifiable=tuple(np.flatnonzero(zero).tolist()),
@@ -102,8 +91,8 @@ def rank_and_classes(w: Array, tolerance: float = RANK_TOLERANCE) -> Rank:
 
 
 def regrouping(
-    w: Array, tolerance: float = RANK_TOLERANCE
-) -> tuple[tuple[int, ...], tuple[int, ...], Array]:
+    w: core.Array, tolerance: float = RANK_TOLERANCE
+) -> tuple[tuple[int, ...], tuple[int, ...], core.Array]:
     """First-come base columns and how the others regroup into them (Gautier 1991).
 
     Of W (M, p), columns normalised: base columns (r), dependent columns (p - r)
@@ -111,7 +100,7 @@ def regrouping(
     a later one: with a right angle written as 1.5708, K had entries of 200 000.
     """
     scaled, scale, _ = _unit_columns(w)
-    columns = upper_triangle(scaled)
+    columns = core.upper_triangle(scaled)
     base = _first_come(columns, max(tolerance, ROUNDING))
     rank = _rank(columns, tolerance)
     # Rounding over the share of a column that hardly differs can look like a direction of its own,
@@ -122,20 +111,22 @@ def regrouping(
     base = next(told, alike)
     dependent = [j for j in range(scaled.shape[1]) if j not in base]
     r = len(base)
-    upper = upper_triangle(scaled[:, [*base, *dependent]])
+    upper = core.upper_triangle(scaled[:, [*base, *dependent]])
     # Rounding over a diagonal that is hardly more would be terms of every row above it.
-    k = solve_upper(upper[:r, :r], np.where(np.abs(upper[:r, r:]) < ROUNDING, 0.0, upper[:r, r:]))
+    k = core.solve_upper(
+        upper[:r, :r], np.where(np.abs(upper[:r, r:]) < ROUNDING, 0.0, upper[:r, r:])
+    )
     k[np.abs(k) < NO_SHARE] = 0.0
     k = k * (scale[dependent][None, :] / scale[base][:, None])
     return tuple(base), tuple(dependent), k
 
 
-def _rank(columns: Array, tolerance: float) -> int:
+def _rank(columns: core.Array, tolerance: float) -> int:
     values = np.linalg.svd(columns, compute_uv=False)
     return int((values > tolerance * values[0]).sum())
 
 
-def _first_come(columns: Array, tolerance: float) -> list[int]:
+def _first_come(columns: core.Array, tolerance: float) -> list[int]:
     """Columns (p, p) of which more than a share is not in the span of the chosen ones before.
 
     Not by the diagonal of one QR: there the rounding that dependent columns leave becomes a
@@ -143,7 +134,7 @@ def _first_come(columns: Array, tolerance: float) -> list[int]:
     """
     basis, chosen = np.zeros_like(columns), list[int]()
     for j, column in enumerate(columns.T):
-        rest: Array = column
+        rest: core.Array = column
         for _ in range(2):
             rest = rest - basis @ (rest @ basis)
         size = float(np.linalg.norm(rest))
@@ -153,7 +144,7 @@ def _first_come(columns: Array, tolerance: float) -> list[int]:
     return chosen
 
 
-def _unit_columns(w: Array) -> tuple[Array, Array, Mask]:
+def _unit_columns(w: core.Array) -> tuple[core.Array, core.Array, core.Mask]:
     """W with columns of unit norm or exactly zero; what it was divided by (p); zero columns (p)."""
     norms = np.linalg.norm(w, axis=0)
     zero = norms <= ZERO_COLUMN * norms.max(initial=1e-300)
@@ -170,7 +161,7 @@ MATERIAL_SHIFT = 1e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BaseParametrization(Value):
+class BaseParametrization(core.Value):
     """The r base parameters of p standard ones: p_B = p_1 + K p_2."""
 
     model: InverseDynamicModel
@@ -179,13 +170,13 @@ class BaseParametrization(Value):
     """(r) base columns."""
     dependent: tuple[int, ...]
     """(p - r) columns regrouped into them."""
-    regrouping: Array
+    regrouping: core.Array
     """K (r, p - r), W2 = W1 K; of a geometry that is not nominal, the nearest (least squares)."""
-    nominal_regrouping: Array
+    nominal_regrouping: core.Array
     """(r, p - r) of the nominal geometry: exact zeros, in `expressions`."""
     classes: Rank
     """Rank, and which parameters are identifiable."""
-    singular_values: Array
+    singular_values: core.Array
     """(p) of the observation matrix at the random points, unscaled, largest first."""
     tolerance: float
     """Singular values below this share of the largest count as zero."""
@@ -193,7 +184,7 @@ class BaseParametrization(Value):
     """Of the random points."""
     samples: int
     """Number of random points."""
-    warnings: tuple[Finding, ...] = field(default=())
+    warnings: tuple[core.Finding, ...] = field(default=())
     """Findings about the rank."""
 
     @property
@@ -217,29 +208,29 @@ class BaseParametrization(Value):
         return tuple(self._expression(row) for row in range(self.rank))
 
     @property
-    def cumulative_energy(self) -> Array:
+    def cumulative_energy(self) -> core.Array:
         """(p) share of the squared singular values up to each (the paper's Figure 1)."""
         squares = np.square(self.singular_values)
-        return read_only(np.cumsum(squares) / squares.sum())
+        return core.read_only(np.cumsum(squares) / squares.sum())
 
-    def from_standard(self, parameters: ArrayLike) -> Array:
+    def from_standard(self, parameters: ArrayLike) -> core.Array:
         """Base parameters (r) of standard parameters (p).
 
         Raises:
             InputError: Another number of parameters.
         """
         shape = (len(self.model.columns),)
-        every = frozen(parameters, shape=shape, name="standard parameters", finite=False)
+        every = core.frozen(parameters, shape=shape, name="standard parameters", finite=False)
         return every[list(self.independent)] + self.regrouping @ every[list(self.dependent)]
 
-    def to_standard(self, values: ArrayLike) -> Array:
+    def to_standard(self, values: ArrayLike) -> core.Array:
         """Standard parameters (p) with the torques of base ones (r): zero outside the base.
 
         Raises:
             InputError: Another number of parameters.
         """
         parameters = np.zeros(len(self.model.columns))
-        own = frozen(values, shape=(self.rank,), name="base parameters", finite=False)
+        own = core.frozen(values, shape=(self.rank,), name="base parameters", finite=False)
         parameters[list(self.independent)] = own
         return parameters
 
@@ -281,9 +272,9 @@ def reduce_model(
         InputError: Samples below 1, a tolerance outside (0, 1), or poses without any gravity.
     """
     if samples < 1:
-        raise InputError("needs at least one sample", where="--samples", value=samples)
+        raise core.InputError("needs at least one sample", where="--samples", value=samples)
     if not 0 < tolerance < 1:
-        raise InputError("tolerance outside (0, 1)", where="tolerance", value=tolerance)
+        raise core.InputError("tolerance outside (0, 1)", where="tolerance", value=tolerance)
     structural, warnings = _structural_model(model)
     # Three rows for two columns determine the rank; the paper's 25 points give 150 for 78.
     rows = max(samples, -(-3 * len(model.columns) // (2 * model.robot.joints)))
@@ -297,7 +288,7 @@ def reduce_model(
         states.append(random_states(model.robot, rows, seed + 1, speed))
     w = np.vstack([structural.observation_matrix(*some) for some in states])
     if np.abs(w).max() < ZERO_COLUMN:
-        raise InputError(
+        raise core.InputError(
             "no joint carries gravity: all turn about it or slide across it",
             where=model.robot.name,
             value=f"gravity {model.robot.gravity.tolist()}",
@@ -317,12 +308,14 @@ def reduce_model(
         model=model,
         independent=independent,
         dependent=dependent,
-        regrouping=read_only(
+        regrouping=core.read_only(
             _real_regrouping(model, structural, states, independent, dependent, k)
         ),
-        nominal_regrouping=read_only(k),
+        nominal_regrouping=core.read_only(k),
         classes=classes,
-        singular_values=read_only(np.asarray(np.linalg.svd(w, compute_uv=False), dtype=np.float64)),
+        singular_values=core.read_only(
+            np.asarray(np.linalg.svd(w, compute_uv=False), dtype=np.float64)
+        ),
         tolerance=tolerance,
         seed=seed,
         samples=rows,
@@ -333,11 +326,11 @@ def reduce_model(
 def _real_regrouping(
     model: InverseDynamicModel,
     structural: InverseDynamicModel,
-    states: list[tuple[Array, Array, Array]],
+    states: list[tuple[core.Array, core.Array, core.Array]],
     independent: tuple[int, ...],
     dependent: tuple[int, ...],
-    nominal: Array,
-) -> Array:
+    nominal: core.Array,
+) -> core.Array:
     """(r, p - r) K that is nearest to W2 = W1 K for a geometry that is not the structural one.
 
     With the nominal K, bodies with the base parameters of a UR10e whose axes are 0.1 degree and
@@ -366,14 +359,14 @@ def _real_regrouping(
 
 def _structural_model(
     model: InverseDynamicModel,
-) -> tuple[InverseDynamicModel, tuple[Finding, ...]]:
+) -> tuple[InverseDynamicModel, tuple[core.Finding, ...]]:
     nominal = nominal_geometry(model.robot)
     gravity, tilt = structural_gravity(nominal)
     found = (_departure(model.robot, nominal, model.frames), tilt)
     robot = replace(nominal, gravity=gravity)
     return (
         InverseDynamicModel(robot=robot, frames=model.frames, friction=model.friction),
-        tuple(Finding("ill_conditioned", text) for text in found if text),
+        tuple(core.Finding("ill_conditioned", text) for text in found if text),
     )
 
 
@@ -401,11 +394,11 @@ def _departure(robot: RobotModel, nominal: RobotModel, frames: str) -> str | Non
     )
 
 
-def _two_ranks(by_singular_values: int, by_columns: int) -> tuple[Finding, ...]:
+def _two_ranks(by_singular_values: int, by_columns: int) -> tuple[core.Finding, ...]:
     if by_singular_values == by_columns:
         return ()
     return (
-        Finding(
+        core.Finding(
             "ill_conditioned",
             f"the tolerance cuts through the singular values: they give rank {by_singular_values},"
             f" the columns in order give {by_columns}",
@@ -413,12 +406,12 @@ def _two_ranks(by_singular_values: int, by_columns: int) -> tuple[Finding, ...]:
     )
 
 
-def _weak_gap(classes: Rank) -> tuple[Finding, ...]:
+def _weak_gap(classes: Rank) -> tuple[core.Finding, ...]:
     before, after = classes.gap
     if before > WEAK and after < CLEAR_GAP * before:
         return ()
     return (
-        Finding(
+        core.Finding(
             "ill_conditioned",
             f"the rank {classes.rank} has no clear gap: the last singular value that counts is "
             f"{before:.1e} of the largest, the next {after:.1e}",
@@ -432,9 +425,9 @@ class ColumnPanel:
 
     rows: slice
     """Their rows in the kernel's memory: columns beside the inertial ones, then tip to base."""
-    columns: Indices
+    columns: core.Indices
     """Their base columns, in the order of the rows."""
-    beside: Indices
+    beside: core.Indices
     """The columns beside the inertial ones, counted from the first of those in the model."""
 
 
@@ -484,7 +477,7 @@ def gram_layout(model: InverseDynamicModel, base: BaseParametrization) -> GramLa
     return GramLayout(panels=tuple(panels), places=places, rows=n * width, rank=base.rank)
 
 
-def acting_joints(model: InverseDynamicModel) -> Array:
+def acting_joints(model: InverseDynamicModel) -> core.Array:
     """(p - 10 n, n) 1 where a column beside the inertial ones acts on a joint, else 0."""
     robot = model.robot
     # What is zero at two unrelated states is zero everywhere, but for what ends at higher speeds.

@@ -8,22 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, RobotError, frozen
+from dynid.robot import transforms
 from dynid.robot.model import STANDARD_GRAVITY, Drives, JointLimits, RobotModel
-from dynid.robot.transforms import (
-    MEET_WITHIN,
-    PARALLEL_WITHIN,
-    cos_sin,
-    inverse,
-    joint_motion,
-    link_frames,
-    move,
-    parameter_frames,
-    poses_at_zero,
-    rotation_x,
-    rotation_z,
-    tidy,
-    translation,
-)
 
 MAX_JOINTS = 64
 """More joints than this are a mistake in the file, not an arm."""
@@ -70,7 +56,7 @@ def robot_from_chain(
         placements=placements,
         axes=axes,
         flange=end,
-        parameter_frames=frames or parameter_frames(placements, axes, end),
+        parameter_frames=frames or transforms.parameter_frames(placements, axes, end),
         default_frames=default_frames,
         gravity=mount_gravity("floor"),
         limits=JointLimits(lower=nan, upper=nan, velocity=nan, acceleration=nan, torque=nan),
@@ -143,11 +129,16 @@ def robot_from_dh(
     twist = columns["alpha"]
     if convention == "modified" and n:
         # Rx(alpha) Tx(a) belong to the link before: the standard table, one row later.
-        start = start @ translation(length_a[0], 0, 0) @ rotation_x(twist[0])
+        start = start @ transforms.translation(length_a[0], 0, 0) @ transforms.rotation_x(twist[0])
         length_a, twist = np.append(length_a[1:], 0.0), np.append(twist[1:], 0.0)
-    up = _stack([translation(0, 0, height) for height in columns["d"]])
-    along = _stack([translation(length_a[k], 0, 0) @ rotation_x(twist[k]) for k in range(n)])
-    turned = _stack([rotation_z(angle) for angle in columns["theta"]])
+    up = _stack([transforms.translation(0, 0, height) for height in columns["d"]])
+    along = _stack(
+        [
+            transforms.translation(length_a[k], 0, 0) @ transforms.rotation_x(twist[k])
+            for k in range(n)
+        ]
+    )
+    turned = _stack([transforms.rotation_z(angle) for angle in columns["theta"]])
     own = np.tile(np.eye(4), (n, 1, 1))
     near, turned = (own, turned @ up) if convention == "modified" else (up, turned)
     far = near @ along
@@ -157,7 +148,7 @@ def robot_from_dh(
     frames, notes = {"dh": far, "mdh": near, "urdf": own}, ()
     if _nearly_parallel(twist[:-1]):
         placements, tip = _brought_back(placements, axes, tip, convention)
-        frames, notes = parameter_frames(placements, axes, tip), (_PLACED,)
+        frames, notes = transforms.parameter_frames(placements, axes, tip), (_PLACED,)
     return robot_from_chain(
         name=name,
         joint_names=joint_names,
@@ -178,11 +169,13 @@ def _brought_back(
 
     Where axes nearly meet, a table's frames stand at the meeting point, hundreds of metres off.
     """
-    poses = poses_at_zero(placements)
-    near, far = link_frames(poses, axes, tip)
+    poses = transforms.poses_at_zero(placements)
+    near, far = transforms.link_frames(poses, axes, tip)
     feet = near if convention == "modified" else np.concatenate([poses[:1], far[:-1]])
-    slid = _stack([translation(0, 0, z) for z in (inverse(poses) @ feet)[:, 2, 3]])
-    back = inverse(slid)
+    slid = _stack(
+        [transforms.translation(0, 0, z) for z in (transforms.inverse(poses) @ feet)[:, 2, 3]]
+    )
+    back = transforms.inverse(slid)
     before = _stack([np.eye(4), *back[:-1]])
     return before @ placements @ slid, back[-1] @ tip
 
@@ -194,7 +187,7 @@ def _stack(matrices: list[Array]) -> Array:
 def _nearly_parallel(alpha: Array) -> bool:
     """Whether a twist [rad] is almost, but not exactly, a multiple of 180 degrees."""
     rest = np.abs(alpha - np.round(alpha / math.pi) * math.pi)
-    return bool(((rest > _NOT_EXACT) & (rest < PARALLEL_WITHIN)).any())
+    return bool(((rest > _NOT_EXACT) & (rest < transforms.PARALLEL_WITHIN)).any())
 
 
 def joint_poses(robot: RobotModel, q: ArrayLike) -> Array:
@@ -211,7 +204,7 @@ def joint_poses(robot: RobotModel, q: ArrayLike) -> Array:
     poses = np.empty((*positions.shape, 4, 4))
     pose: Array = np.eye(4)
     for k in range(robot.joints):
-        motion = joint_motion(robot.axes[k], robot.prismatic[k], positions[..., k])
+        motion = transforms.joint_motion(robot.axes[k], robot.prismatic[k], positions[..., k])
         pose = pose @ robot.placements[k] @ motion
         poses[..., k, :, :] = pose
     return poses
@@ -248,7 +241,7 @@ def mount_gravity(mount: str) -> Array:
         degrees = _degrees(number)
     else:
         raise RobotError("unknown mounting", value=mount, limit=", ".join(MOUNTS))
-    c, s = cos_sin(math.radians(degrees))
+    c, s = transforms.cos_sin(math.radians(degrees))
     # The sum turns a negative zero into zero.
     return np.array([0.0, -s, -c]) * STANDARD_GRAVITY + 0.0
 
@@ -286,19 +279,19 @@ def nominal_geometry(robot: RobotModel) -> RobotModel:
     become zero. The parameter frames, inertias and bodies follow. A robot that is exact
     already is returned as it is.
     """
-    poses = poses_at_zero(robot.placements)
-    near, far = link_frames(poses, robot.axes, robot.flange)
-    in_near = inverse(near) @ poses
+    poses = transforms.poses_at_zero(robot.placements)
+    near, far = transforms.link_frames(poses, robot.axes, robot.flange)
+    in_near = transforms.inverse(near) @ poses
     joint_frames = np.array([_snap(pose) for pose in in_near])
     placements = np.empty_like(poses)
     placements[0] = _snap(near[0]) @ joint_frames[0]
     for k in range(1, robot.joints):
         step = _link(near[k - 1], far[k - 1]) @ _joint(far[k - 1], near[k])
-        placements[k] = inverse(joint_frames[k - 1]) @ step @ joint_frames[k]
-    placements = tidy(placements)
-    back = inverse(joint_frames)
+        placements[k] = transforms.inverse(joint_frames[k - 1]) @ step @ joint_frames[k]
+    placements = transforms.tidy(placements)
+    back = transforms.inverse(joint_frames)
     frames = {
-        name: tidy(back @ np.array([_snap(pose) for pose in in_near @ values]))
+        name: transforms.tidy(back @ np.array([_snap(pose) for pose in in_near @ values]))
         for name, values in robot.parameter_frames.items()
     }
     differences = [placements - robot.placements]
@@ -309,10 +302,12 @@ def nominal_geometry(robot: RobotModel) -> RobotModel:
     return replace(
         robot,
         placements=placements,
-        axes=tidy(np.einsum("kij,kj->ki", moves[:, :3, :3], robot.axes)),
+        axes=transforms.tidy(np.einsum("kij,kj->ki", moves[:, :3, :3], robot.axes)),
         flange=moves[-1] @ robot.flange,
         parameter_frames=frames,
-        inertias=np.array([move(p, t) for p, t in zip(robot.inertias, moves, strict=True)]),
+        inertias=np.array(
+            [transforms.move(p, t) for p, t in zip(robot.inertias, moves, strict=True)]
+        ),
         bodies=tuple(
             replace(
                 body,
@@ -341,7 +336,7 @@ def structural_gravity(robot: RobotModel) -> tuple[Array, str | None]:
     angle = math.atan2(across, abs(float(axis @ gravity)))
     if size == 0 or angle > _GRAVITY_WITHIN:
         return gravity, None
-    aligned = tidy(math.copysign(1.0, float(axis @ gravity)) * axis) * size
+    aligned = transforms.tidy(math.copysign(1.0, float(axis @ gravity)) * axis) * size
     if angle <= _WORTH_A_NOTE:
         return aligned, None
     return aligned, (
@@ -359,27 +354,27 @@ def _link(near: Array, far: Array) -> Array:
     exact = _right(math.atan2(float(np.linalg.norm(np.cross(z, z_next))), float(z @ z_next)))
     if exact is not None:
         twist = math.copysign(exact, twist)
-    return translation(_met(length), 0, 0) @ rotation_x(twist)
+    return transforms.translation(_met(length), 0, 0) @ transforms.rotation_x(twist)
 
 
 def _joint(far: Array, near: Array) -> Array:
     """The nominal way along an axis, from one link's far frame to the next near frame."""
-    step = inverse(far) @ near
+    step = transforms.inverse(far) @ near
     angle = math.atan2(step[1, 0], step[0, 0])
     exact = _right(abs(angle))
     if exact is not None:
         angle = math.copysign(exact, angle)
-    return rotation_z(angle) @ translation(0, 0, _met(float(step[2, 3])))
+    return transforms.rotation_z(angle) @ transforms.translation(0, 0, _met(float(step[2, 3])))
 
 
 def _met(distance: float) -> float:
-    return 0.0 if abs(distance) < MEET_WITHIN else distance
+    return 0.0 if abs(distance) < transforms.MEET_WITHIN else distance
 
 
 def _right(angle: float) -> float | None:
     """The multiple of 90 degrees near `angle`, if there is one."""
     exact = round(angle / (math.pi / 2)) * math.pi / 2
-    return exact if abs(angle - exact) < PARALLEL_WITHIN else None
+    return exact if abs(angle - exact) < transforms.PARALLEL_WITHIN else None
 
 
 def _snap(pose: Array) -> Array:
@@ -387,8 +382,10 @@ def _snap(pose: Array) -> Array:
     result = pose.copy()
     rotation = np.round(pose[:3, :3])
     off = np.abs(pose[:3, :3] - rotation).max()
-    if off < math.sin(PARALLEL_WITHIN) and np.array_equal(rotation @ rotation.T, np.eye(3)):
+    if off < math.sin(transforms.PARALLEL_WITHIN) and np.array_equal(
+        rotation @ rotation.T, np.eye(3)
+    ):
         result[:3, :3] = rotation
-    small = np.abs(pose[:3, 3]) < MEET_WITHIN
+    small = np.abs(pose[:3, 3]) < transforms.MEET_WITHIN
     result[:3, 3][small] = 0.0
     return result

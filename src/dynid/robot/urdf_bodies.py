@@ -15,23 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from dynid.core import Array, Indices, MissingExtraError, RobotError, printable
-from dynid.robot.body import (
-    CORNERS,
-    TIGHTER,
-    WITHIN,
-    Body,
-    around_points,
-    around_triangles,
-    beyond,
-    box_points,
-    close_bodies,
-    cylinder_points,
-    read_mesh,
-)
-from dynid.robot.kinematics import joint_poses
-from dynid.robot.model import RobotModel
+from dynid.robot import body, kinematics, model, urdf
 from dynid.robot.tables import read_limited, shown_path
-from dynid.robot.urdf import MAX_BYTES, urdf_links
 from dynid.robot.urdf_xml import parse_root, read_number, read_origin, read_vector
 
 
@@ -68,16 +53,16 @@ class UrdfShape:
         """
         shape, where = self.shape, self.where
         if shape.tag == "mesh":
-            found = around_triangles(self._mesh())
+            found = body.around_triangles(self._mesh())
         elif shape.tag == "sphere":
             found = [(np.zeros((1, 3)), _size(read_number(shape, "radius", where), where), _EXACT)]
         elif shape.tag == "cylinder":
             sizes = [read_number(shape, key, where) for key in ("radius", "length")]
             radius, length = (_size(value, where) for value in sizes)
-            found = [(cylinder_points(radius, length / 2), 0.0, _EXACT)]
+            found = [(body.cylinder_points(radius, length / 2), 0.0, _EXACT)]
         elif shape.tag == "box":
             sides = [_size(value, where) for value in read_vector(shape, "size", where)]
-            found = [(box_points(np.array(sides) / 2), 0.0, _EXACT)]
+            found = [(body.box_points(np.array(sides) / 2), 0.0, _EXACT)]
         else:
             raise RobotError(f"no body for a {printable(shape.tag, 40)}")
         return [(self._placed(a), radius, self._placed(held)) for a, radius, held in found]
@@ -93,7 +78,7 @@ class UrdfShape:
             corners = self._placed(self._mesh().reshape(-1, 3))
             return corners, np.arange(len(corners)).reshape(-1, 3)
         ((points, radius, _),) = self.solids()
-        return Body(name=self.name, link=self.link, points=points, radius=radius).surface()
+        return body.Body(name=self.name, link=self.link, points=points, radius=radius).surface()
 
     def _placed(self, points: Array) -> Array:
         pose = self.frame @ read_origin(self.element, self.where)
@@ -115,16 +100,16 @@ class UrdfShape:
         scale = np.ones(3)
         if self.shape.get("scale"):
             scale = np.array(read_vector(self.shape, "scale", self.where))
-        return read_mesh(file, scale)
+        return body.read_mesh(file, scale)
 
 
 def with_collision_geometry(
-    robot: RobotModel,
+    robot: model.RobotModel,
     path: Path,
     *,
     mesh_dirs: Sequence[Path] = (),
     apart_from: Collection[int] = (),
-) -> RobotModel:
+) -> model.RobotModel:
     """The robot with bodies that hold the `collision` elements of its URDF.
 
     Those of what the joints numbered `apart_from` move (0 the base) are left out. Of links without
@@ -135,7 +120,7 @@ def with_collision_geometry(
     Raises:
         RobotError: The file is not the robot's.
     """
-    found: list[Body] = []
+    found: list[body.Body] = []
     held: list[Array] = []
     notes: list[str] = []
     unread: list[str] = []
@@ -161,7 +146,7 @@ def with_collision_geometry(
                     judged.append(item.name)
                 count[item.name] += 1
                 name = f"{item.name} {count[item.name]}"
-                found.append(Body(name=name, link=item.link, points=points, radius=radius))
+                found.append(body.Body(name=name, link=item.link, points=points, radius=radius))
                 held.append(corners)
         except MissingExtraError:
             unread.append(item.name)
@@ -184,7 +169,9 @@ def with_collision_geometry(
     return replace(robot, bodies=bodies, body_notes=(*robot.body_notes, *notes), notes=known)
 
 
-def _tightened(robot: RobotModel, bodies: list[Body], held: list[Array]) -> tuple[Body, ...]:
+def _tightened(
+    robot: model.RobotModel, bodies: list[body.Body], held: list[Array]
+) -> tuple[body.Body, ...]:
     """The bodies; those that others are close to reach less far beyond the corners held (P, 3).
 
     What is 5 mm apart, as a shoulder and the upper arm that turns on it, has no room for the
@@ -196,21 +183,21 @@ def _tightened(robot: RobotModel, bodies: list[Body], held: list[Array]) -> tupl
     lower = np.fmax(limits.lower, -np.pi)
     upper = np.fmax(np.fmin(limits.upper, np.pi), lower)
     q = np.random.default_rng(0).uniform(lower, upper, (_POSES, robot.joints))
-    for k in close_bodies(bodies, joint_poses(robot, q)):
+    for k in body.close_bodies(bodies, kinematics.joint_poses(robot, q)):
         if len(held[k]):
-            points, radius = around_points(
-                held[k], corners=TIGHTER * CORNERS, within=WITHIN / TIGHTER
+            points, radius = body.around_points(
+                held[k], corners=body.TIGHTER * body.CORNERS, within=body.WITHIN / body.TIGHTER
             )
             bodies[k] = replace(bodies[k], points=points, radius=radius)
     return tuple(bodies)
 
 
-def _holds(body: Body, points: Array, radius: float) -> bool:
-    return float(beyond(points, body.points).max()) + radius <= body.radius + _ROUNDING
+def _holds(shape: body.Body, points: Array, radius: float) -> bool:
+    return float(body.beyond(points, shape.points).max()) + radius <= shape.radius + _ROUNDING
 
 
 def urdf_shapes(
-    robot: RobotModel, path: Path, kind: str, *, mesh_dirs: Sequence[Path] = ()
+    robot: model.RobotModel, path: Path, kind: str, *, mesh_dirs: Sequence[Path] = ()
 ) -> Iterator[UrdfShape]:
     """The elements `collision` or `visual` of a robot's URDF that have a geometry.
 
@@ -223,8 +210,8 @@ def urdf_shapes(
     Raises:
         RobotError: The file is not the robot's.
     """
-    links = {link.name: link for link in urdf_links(robot, path)}
-    for link in parse_root(read_limited(path, MAX_BYTES), shown_path(path)).iterfind("link"):
+    links = {link.name: link for link in urdf.urdf_links(robot, path)}
+    for link in parse_root(read_limited(path, urdf.MAX_BYTES), shown_path(path)).iterfind("link"):
         name = (link.get("name") or "").strip()
         for k, element in enumerate(link.iterfind(kind), start=1):
             geometry = element.find("geometry")

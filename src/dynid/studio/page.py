@@ -16,12 +16,11 @@ from dynid.excitation import CRITERIA
 from dynid.export import roll_pitch_yaw, write_model
 from dynid.recording import recording_name
 from dynid.robot import from_xyz_rpy
-from dynid.studio import facts
+from dynid.studio import facts, solids
 from dynid.studio.facts import judged_estimates
 from dynid.studio.jobs import Job, JobState, Supervisor, TailReader
 from dynid.studio.scene_editing import KINDS, SceneEditor, open_scene
 from dynid.studio.session import Opened, Session, file_in, free_name, kind_of, open_path
-from dynid.studio.solids import carried_meshes, robot_meshes
 
 FILES = {
     "design": "design.json",
@@ -79,7 +78,7 @@ class Page:
     def _open(self, opened: Opened) -> None:
         session = Session(opened)
         self.notes = [f"{name}: {why}" for name, why in opened.skipped]
-        self.meshes = robot_meshes(opened.robot, self.notes)
+        self.meshes = solids.robot_meshes(opened.robot, self.notes)
         # Last: reading meshes takes long, and who asks meanwhile asks for the one before.
         self.session = session
         self._results_known: list[dict[str, Any]] = []
@@ -151,7 +150,7 @@ class Page:
             return self.state()
         if what == "robot":
             judge = session.constraints
-            carried = () if judge is None else carried_meshes(judge)
+            carried = () if judge is None else solids.carried_meshes(judge)
             return facts.robot(session.robot, self.meshes, carried) | {"notes": self.notes}
         if what == "scene":
             with session.lock:

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, MotionBounds, Value, freeze, frozen, read_only, scipy_part
-from dynid.trajectory import trajectory
-from dynid.trajectory.fourier import coefficients, harmonic_basis, require_inside, usable_bounds
+from dynid.trajectory import fourier, trajectory
 
 STEP = read_only(np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]))
 """From 0 to 1 with no velocity and acceleration at either end."""
@@ -122,14 +121,14 @@ def rest_to_rest(
         InputError: A pose outside the position limits, a margin outside (0, 1], or no limit
             that bounds the speed.
     """
-    bounds = usable_bounds(limits, acceleration)
+    bounds = fourier.usable_bounds(limits, acceleration)
     poses = {
         name: frozen(value, shape=(bounds.joints,), name=name)
         for name, value in (("start", start), ("goal", goal))
     }
     trajectory.require_share("margin", margin)
     for name, pose in poses.items():
-        require_inside(f"{name} pose", pose, bounds.lower, bounds.upper)
+        fourier.require_inside(f"{name} pose", pose, bounds.lower, bounds.upper)
     way = np.abs(poses["goal"] - poses["start"])
     unbounded = np.isinf(bounds.velocity) & np.isinf(bounds.acceleration) & (way > 0)
     if unbounded.any():
@@ -172,7 +171,7 @@ class FourierQuintic(Value, trajectory.StandingMotion):
         trajectory.require_positive("the period", self.period)
         object.__setattr__(self, "period", float(self.period))
         start = frozen(self.start, shape=(None,), name="start")
-        a, b = coefficients(self.a, self.b, len(start))
+        a, b = fourier.coefficients(self.a, self.b, len(start))
         goal = frozen(self.goal, shape=start.shape, name="goal")
         for name, value in (("start", start), ("goal", goal), ("a", a), ("b", b)):
             object.__setattr__(self, name, value)
@@ -243,7 +242,7 @@ def _corrections(harmonics: int) -> tuple[Array, Array]:
 
 def _held_harmonics(t: Array, period: float, harmonics: int) -> tuple[Array, Array, Array]:
     """Three (N, 2H) matrices: columns that vanish, with two derivatives, at both ends."""
-    values = harmonic_basis(t, period, harmonics)
+    values = fourier.harmonic_basis(t, period, harmonics)
     held = np.vstack(_corrections(harmonics))
     powers = (t / period)[:, None] ** np.arange(6)
     slopes = held[:, 1:] * np.arange(1.0, 6.0)

@@ -11,29 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import (
-    SEVERITIES,
-    Array,
-    Finding,
-    Indices,
-    InputError,
-    Mask,
-    Value,
-    plain,
-    read_only,
-    table,
-    told,
-    upper_triangle,
-)
-from dynid.identification import (
-    Estimate,
-    EstimateLike,
-    friction_parameters,
-    motion_state,
-    open_estimate,
-    recorded_rows,
-)
-from dynid.regressor import FrictionTerms, InverseDynamicModel
+from dynid import core, identification, regressor
 from dynid.robot import PARAMETERS, RobotModel
 from dynid.signals import Samples
 
@@ -51,25 +29,27 @@ _SMOOTH = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TransferReport(Value):
+class TransferReport(core.Value):
     """A prediction error split by cause."""
 
-    rms: Array
+    rms: core.Array
     """(4, n) RMS of what each of `CAUSES` explains alone of the joint's error [N.m or N]."""
-    share: Array
+    share: core.Array
     """(2, n) of the model's gravity and of its inertial torque that is missing; NaN where a joint
     has none, or none that differs enough from an offset or friction in this record."""
-    rest: Array
+    rest: core.Array
     """(n) RMS of what none explains [N.m or N]."""
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object: one list a cause, one number a joint."""
         causes = dict(zip(CAUSES, self.rms, strict=True))
         shares = dict(zip(("gravity_share", "inertia_share"), self.share, strict=True))
-        return plain({**causes, **shares, "rest": self.rest})
+        return core.plain({**causes, **shares, "rest": self.rest})
 
 
-def transfer_report(estimate: Estimate, samples: Samples, error: Array) -> TransferReport:
+def transfer_report(
+    estimate: identification.Estimate, samples: Samples, error: core.Array
+) -> TransferReport:
     """Split a prediction error by cause.
 
     The error (N, n) is measured minus predicted torques of the record's used rows [N.m or N].
@@ -100,21 +80,23 @@ def transfer_report(estimate: Estimate, samples: Samples, error: Array) -> Trans
     return TransferReport(rms=rms, share=share, rest=left)
 
 
-def _fit(columns: tuple[Array, ...], error: Array, blocks: float) -> tuple[Array, list[Array]]:
+def _fit(
+    columns: tuple[core.Array, ...], error: core.Array, blocks: float
+) -> tuple[core.Array, list[core.Array]]:
     """Factors of columns, and their parts of an error with so many independent values.
 
     NaN for a column too like those before it: its part would be less certain than the error.
     """
     stack = np.column_stack([*columns, error])
     size = np.linalg.norm(stack, axis=0)
-    apart = np.abs(np.diag(upper_triangle(stack / np.maximum(size, 1e-300))))
+    apart = np.abs(np.diag(core.upper_triangle(stack / np.maximum(size, 1e-300))))
     seen = (apart > max(apart[-1] / np.sqrt(blocks), 1e-6)) & (size > 1e-9 * size[:-1].max())
     seen[-1], values = False, np.full(stack.shape[1] - 1, np.nan)
     values[seen[:-1]] = np.linalg.pinv(stack[:, seen] / size[seen]) @ error / size[seen]
     return values, [np.nan_to_num(v) * column for v, column in zip(values, columns, strict=True)]
 
 
-def refit_friction(estimate: Estimate, samples: Samples) -> Estimate:
+def refit_friction(estimate: identification.Estimate, samples: Samples) -> identification.Estimate:
     """The same inertias with the friction of another record.
 
     Each friction parameter may be another by as much as it is, or as the largest of its kind is by
@@ -127,11 +109,13 @@ def refit_friction(estimate: Estimate, samples: Samples) -> Estimate:
     Raises:
         InputError: The estimate has no friction.
     """
-    model, chosen = estimate.model, list(friction_parameters(estimate))
+    model, chosen = estimate.model, list(identification.friction_parameters(estimate))
     if not chosen:
-        raise InputError("the estimate has no friction", where="--refit")
+        raise core.InputError("the estimate has no friction", where="--refit")
     independent, rows = list(estimate.independent), samples.rows
-    columns, torque = recorded_rows(model, samples, rows, independent, motion_state(model, samples))
+    columns, torque = identification.recorded_rows(
+        model, samples, rows, independent, identification.motion_state(model, samples)
+    )
     # At rest, friction is whatever holds the joint.
     slowest = np.maximum(_SMOOTH * estimate.motion.speed, _SLOWEST)
     moves = slowest[:, None] < np.abs(samples.dq[rows]).T
@@ -167,11 +151,11 @@ def refit_friction(estimate: Estimate, samples: Samples) -> Estimate:
     told = estimate.warnings
     if unseen:
         message = f"the record hardly shows {', '.join(unseen)}: they stay near what they were"
-        told = (*told, Finding("low_excitation", message))
+        told = (*told, core.Finding("low_excitation", message))
     return replace(estimate, values=values, covariance=covariance, standard=standard, warnings=told)
 
 
-def _may_change(estimate: Estimate, chosen: list[int]) -> Array:
+def _may_change(estimate: identification.Estimate, chosen: list[int]) -> core.Array:
     """(f) by how much each friction parameter may be another on another day, SI units."""
     size = np.maximum(np.abs(estimate.values), estimate.std)
     slides = estimate.model.robot.prismatic
@@ -195,7 +179,7 @@ _SAME_RANGE = 0.2
 _SAME_GAIN = 1e-9
 
 
-def refuse_strangers(a: Estimate, b: Estimate) -> None:
+def refuse_strangers(a: identification.Estimate, b: identification.Estimate) -> None:
     """Refuse two estimates whose parameters do not mean the same.
 
     Raises:
@@ -224,12 +208,12 @@ def refuse_strangers(a: Estimate, b: Estimate) -> None:
         # Which friction parameters can be told apart depends on the shapes that were chosen.
         step += " and with --preset paper, whose shapes are not chosen from the recording"
     if reasons:
-        raise InputError(
+        raise core.InputError(
             f"the estimates differ in {' and in '.join(reasons)}", next_step=f"{step}."
         )
 
 
-def _all_terms(*estimates: Estimate) -> str:
+def _all_terms(*estimates: identification.Estimate) -> str:
     """The terms of all estimates, each for the joints that any has it for."""
     joints: dict[str, set[int]] = {}
     count = max(estimate.model.robot.joints for estimate in estimates)
@@ -237,15 +221,17 @@ def _all_terms(*estimates: Estimate) -> str:
         for term, own in estimate.model.friction.terms:
             joints.setdefault(term, set()).update(range(count) if own is None else own)
     terms = ((t, None if len(own) == count else tuple(sorted(own))) for t, own in joints.items())
-    return FrictionTerms(terms=tuple(terms)).describe()
+    return regressor.FrictionTerms(terms=tuple(terms)).describe()
 
 
-def comparison_warnings(a: Estimate, b: Estimate) -> Iterator[Finding]:
+def comparison_warnings(
+    a: identification.Estimate, b: identification.Estimate
+) -> Iterator[core.Finding]:
     """What may mislead in a comparison that is allowed."""
     gains = [estimate.model.robot.drives.gain for estimate in (a, b)]
     if not np.allclose(*gains, rtol=_SAME_GAIN, atol=0, equal_nan=True):
         message = "the drive gains differ; parameters from currents are scaled by them"
-        yield Finding("unit_suspect", message)
+        yield core.Finding("unit_suspect", message)
     if _same_rows(a, b):
         message = "both are of one recording: their deviations are not independent"
         made = [estimate.provenance for estimate in (a, b)]
@@ -253,7 +239,7 @@ def comparison_warnings(a: Estimate, b: Estimate) -> Iterator[Finding]:
             message += ", and what moved is friction, which was refitted to another one"
         elif used_rows(a) == used_rows(b) and made[0].settings != made[1].settings:
             message += ", and what moved did so by the settings"
-        yield Finding("same_record", message)
+        yield core.Finding("same_record", message)
     else:
         yield from _other_motion(a, b)
     one, other = (_shapes(estimate.model) for estimate in (a, b))
@@ -262,20 +248,20 @@ def comparison_warnings(a: Estimate, b: Estimate) -> Iterator[Finding]:
             f"the friction has other shapes ({', '.join(apart)}), which its parameters go with: "
             "identify both with --preset paper to compare friction"
         )
-        yield Finding("other_shape", message)
+        yield core.Finding("other_shape", message)
     own = [{notice.kind: notice.severity for notice in one.warnings} for one in (a, b)]
     for kind in sorted({*own[0], *own[1]} - {*OF_COMPARISON}):
         names = [name for name, told in zip(("first", "second"), own, strict=True) if kind in told]
         of = "both estimates" if len(names) > 1 else f"the {names[0]} estimate"
-        worst = max((told.get(kind, "info") for told in own), key=SEVERITIES.index)
-        yield Finding(kind, f"a finding of {of}", severity=worst)
+        worst = max((told.get(kind, "info") for told in own), key=core.SEVERITIES.index)
+        yield core.Finding(kind, f"a finding of {of}", severity=worst)
 
 
 REFIT = "refit"
 """Key of an estimate's settings: the rows that its friction was refitted to."""
 
 
-def used_rows(estimate: Estimate) -> list[tuple[str, float, float]]:
+def used_rows(estimate: identification.Estimate) -> list[tuple[str, float, float]]:
     """Recordings that an estimate was made from, by identity, each with its window [s]."""
     made, used = estimate.provenance, estimate.settings
     stop = np.inf if used.stop_s is None else used.stop_s
@@ -285,7 +271,7 @@ def used_rows(estimate: Estimate) -> list[tuple[str, float, float]]:
     return found
 
 
-def _same_rows(a: Estimate, b: Estimate) -> bool:
+def _same_rows(a: identification.Estimate, b: identification.Estimate) -> bool:
     """Whether both are of one recording, and of the same part of it."""
     return any(
         one == other and max(start, since) < min(stop, until)
@@ -294,7 +280,7 @@ def _same_rows(a: Estimate, b: Estimate) -> bool:
     )
 
 
-def _shapes(model: InverseDynamicModel) -> dict[str, Any]:
+def _shapes(model: regressor.InverseDynamicModel) -> dict[str, Any]:
     """What the parameters of friction multiply, beside the terms themselves."""
     friction, n = model.friction, model.robot.joints
     steps = {column.joint for column in model.columns if column.name.startswith(("Fc", "Fs"))}
@@ -310,7 +296,7 @@ def _shapes(model: InverseDynamicModel) -> dict[str, Any]:
     }
 
 
-def _other_motion(a: Estimate, b: Estimate) -> Iterator[Finding]:
+def _other_motion(a: identification.Estimate, b: identification.Estimate) -> Iterator[core.Finding]:
     """Whether the joints moved through different ranges, so that errors of the model differ, too.
 
     On a real UR5, two motions of one arm differ by 11 standard deviations, repetitions by one.
@@ -326,14 +312,14 @@ def _other_motion(a: Estimate, b: Estimate) -> Iterator[Finding]:
             "leaves out may move parameters by more than their deviations. To see what moved, "
             "record both with one design"
         )
-        yield Finding("other_motion", message, joints=joints, severity="warning")
+        yield core.Finding("other_motion", message, joints=joints, severity="warning")
 
 
 def _same_chain(one: RobotModel, other: RobotModel) -> bool:
     """Kinematics and motors decide, not names: a URDF of an arm may be called otherwise."""
     return (
         one.joint_types == other.joint_types
-        and plain(one.drives.coupling) == plain(other.drives.coupling)
+        and core.plain(one.drives.coupling) == core.plain(other.drives.coupling)
         and np.allclose(one.placements, other.placements, atol=_SAME_PLACE, rtol=0)
         and np.allclose(one.axes, other.axes, atol=_SAME_PLACE, rtol=0)
     )
@@ -376,7 +362,7 @@ class ParameterGroup:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ParameterComparison(Value):
+class ParameterComparison(core.Value):
     """Base parameters of two estimates side by side (paper 3.2, Fig. 4)."""
 
     names: tuple[str, ...]
@@ -385,23 +371,23 @@ class ParameterComparison(Value):
     """(r) their combinations of standard parameters."""
     units: tuple[str, ...]
     """(r) their units."""
-    a: Array
+    a: core.Array
     """(r) values of the first estimate."""
-    b: Array
+    b: core.Array
     """(r) values of the second."""
-    z: Array
+    z: core.Array
     """(r) (b - a) / sqrt(std_a^2 + std_b^2), with the deviations that allow for correlation."""
-    change_percent: Array
+    change_percent: core.Array
     """(r) 100 (b - a) / |a|; NaN where a is zero."""
     groups: tuple[ParameterGroup, ...]
     """`GROUPS` in their order, and `offset` where the model has offsets."""
-    warnings: tuple[Finding, ...] = ()
+    warnings: tuple[core.Finding, ...] = ()
     """Why the comparison may mislead."""
 
     def to_json(self) -> dict[str, Any]:
         """The keys that `dynid compare --json` prints."""
         return {
-            "parameters": table(
+            "parameters": core.table(
                 name=self.names,
                 unit=self.units,
                 a=self.a,
@@ -420,11 +406,11 @@ class ParameterComparison(Value):
                 }
                 for group in self.groups
             },
-            **told(self.warnings),
+            **core.told(self.warnings),
         }
 
 
-def compare(a: EstimateLike, b: EstimateLike) -> ParameterComparison:
+def compare(a: identification.EstimateLike, b: identification.EstimateLike) -> ParameterComparison:
     """Compare two estimates parameter by parameter and group by group.
 
     The records are taken as independent. What a wrong model does to records of one motion alike
@@ -439,7 +425,7 @@ def compare(a: EstimateLike, b: EstimateLike) -> ParameterComparison:
     Raises:
         InputError: Estimates of different robots, mountings, frames, terms or base sets.
     """
-    a, b = open_estimate(a), open_estimate(b)
+    a, b = identification.open_estimate(a), identification.open_estimate(b)
     refuse_strangers(a, b)
     difference = b.values - a.values
     deviation = np.sqrt(np.square(a.std) + np.square(b.std))
@@ -457,8 +443,8 @@ def compare(a: EstimateLike, b: EstimateLike) -> ParameterComparison:
         units=a.units,
         a=a.values,
         b=b.values,
-        z=read_only(z),
-        change_percent=read_only(change),
+        z=core.read_only(z),
+        change_percent=core.read_only(change),
         groups=tuple(
             _group(word, np.flatnonzero([kind == word for kind in kinds]), z, change, known)
             for word in words
@@ -467,7 +453,9 @@ def compare(a: EstimateLike, b: EstimateLike) -> ParameterComparison:
     )
 
 
-def _group(word: str, members: Indices, z: Array, change: Array, known: Mask) -> ParameterGroup:
+def _group(
+    word: str, members: core.Indices, z: core.Array, change: core.Array, known: core.Mask
+) -> ParameterGroup:
     indices = tuple(int(k) for k in members)
     largest = max(indices, key=lambda k: abs(float(z[k])), default=None)
     changes = [float(change[k]) for k in indices if known[k]]

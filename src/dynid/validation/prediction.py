@@ -10,17 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from dynid import identification, recording, reduction, regressor
+from dynid import identification, recording, reduction, regressor, signals
 from dynid.core import Array, DynidError, Finding, Mask, Value, plain, read_only, told
 from dynid.robot import RobotModel, builtin_names, joint_poses, load_robot
-from dynid.signals import (
-    ProcessingSettings,
-    Samples,
-    default_cutoff,
-    samples_at_stamps,
-    uniform_signals,
-    was_smoothed,
-)
 from dynid.validation.comparison import TransferReport, transfer_report, used_rows
 from dynid.validation.error_metrics import Metrics, metrics
 
@@ -42,7 +34,7 @@ FARTHEST_M, FARTHEST = 0.6, 0.5
 
 
 def another_payload(
-    estimate: identification.Estimate, samples: Samples, error: Array
+    estimate: identification.Estimate, samples: signals.Samples, error: Array
 ) -> Iterator[Finding]:
     """Whether another mass at the last link explains the errors.
 
@@ -177,10 +169,10 @@ def validate(
     robot = estimate.model.robot
     (record,) = recording.checked_records([recording.open_record(record, robot)])
     settings = _settings(estimate, record, start_s, stop_s)
-    signals = uniform_signals(record, robot, settings)
-    own = max(settings.cutoff_hz or 0.0, default_cutoff(signals.q, signals.rate_hz))
+    uniform = signals.uniform_signals(record, robot, settings)
+    own = max(settings.cutoff_hz or 0.0, signals.default_cutoff(uniform.q, uniform.rate_hz))
     settings = replace(settings, cutoff_hz=own)
-    samples = samples_at_stamps(record, robot, settings)
+    samples = signals.samples_at_stamps(record, robot, settings)
     result = validate_samples(estimate, samples)
     error = result.measured - result.predicted
     found = (
@@ -212,10 +204,10 @@ def samples_of(
     *,
     start_s: float | None = None,
     stop_s: float | None = None,
-) -> Samples:
+) -> signals.Samples:
     """A record's samples at its own stamps, processed as an estimate's were, nothing averaged."""
     settings = _settings(estimate, record, start_s, stop_s)
-    return samples_at_stamps(record, estimate.model.robot, settings)
+    return signals.samples_at_stamps(record, estimate.model.robot, settings)
 
 
 def _settings(
@@ -223,14 +215,16 @@ def _settings(
     record: recording.ExperimentRecord,
     start_s: float | None,
     stop_s: float | None,
-) -> ProcessingSettings:
+) -> signals.ProcessingSettings:
     settings = replace(
         estimate.settings, start_s=start_s, stop_s=stop_s, decimate=False, period_s=None
     )
     if "qd" not in record.signals:
         settings = replace(settings, velocity="position")
     robot = estimate.model.robot
-    if settings.torque_filter and not was_smoothed(uniform_signals(record, robot, settings)):
+    if settings.torque_filter and not signals.was_smoothed(
+        signals.uniform_signals(record, robot, settings)
+    ):
         # This record shows what the other had lost.
         settings = replace(settings, torque_filter=None)
     return settings
@@ -302,7 +296,9 @@ def _axes_apart(robot: RobotModel) -> Array:
     return apart
 
 
-def validate_samples(estimate: identification.Estimate, samples: Samples) -> ValidationResult:
+def validate_samples(
+    estimate: identification.Estimate, samples: signals.Samples
+) -> ValidationResult:
     """Compare predicted and measured torques of samples; see `validate`."""
     state = identification.motion_state(estimate.model, samples)
     model = estimate.predict(samples.q, samples.dq, samples.ddq, state)
@@ -331,7 +327,7 @@ def validate_samples(estimate: identification.Estimate, samples: Samples) -> Val
     )
 
 
-def _extrapolated(estimate: identification.Estimate, samples: Samples) -> Iterator[Finding]:
+def _extrapolated(estimate: identification.Estimate, samples: signals.Samples) -> Iterator[Finding]:
     known, model = estimate.motion, estimate.model
     names = model.robot.joint_names
     units = ["m" if slides else "rad" for slides in model.robot.prismatic]

@@ -9,23 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynid import identification, regressor
+from dynid import identification, recording, regressor, signals
 from dynid.core import InputError, Progress, Provenance, provenance
-from dynid.recording import AnyRecording, ExperimentRecord, fingerprint
 from dynid.robot import RobotModel
 from dynid.settings import IdentifySettings
-from dynid.signals import (
-    NYQUIST_SHARE,
-    ProcessingSettings,
-    at_one_rate,
-    find_period,
-    fold_periods,
-    joined,
-    measured_torque,
-    samples_from,
-    uniform_signals,
-    was_smoothed,
-)
 
 REGIONS_FROM = 1e-2
 """Weight of the published inertias from which consistent bodies take it over: the motion leaves
@@ -69,30 +56,30 @@ def _estimator(
 
 
 def choose(
-    records: Sequence[ExperimentRecord],
+    records: Sequence[recording.ExperimentRecord],
     robot: RobotModel,
     settings: IdentifySettings,
-    processing: ProcessingSettings,
+    processing: signals.ProcessingSettings,
     progress: Progress | None = None,
 ) -> tuple[identification.Selection, tuple[str, ...]]:
     """Choose settings and friction on all records together; a lone periodic one is averaged.
 
     What the processing sets stays; what was chosen is returned for programs and in words.
     """
-    recordings = [uniform_signals(record, robot, processing) for record in records]
+    recordings = [signals.uniform_signals(record, robot, processing) for record in records]
     averaged: tuple[str, ...] = ()
     # Maximum likelihood has a noise of its own for each sample: no filter fits there. A filter
     # that one record has passed says nothing of the others.
-    smoothed = _word(settings) != "ml" and all(map(was_smoothed, recordings))
+    smoothed = _word(settings) != "ml" and all(map(signals.was_smoothed, recordings))
     # For this motion its repetitions are what is left out: their average would hide how they
     # differ.
     if len(recordings) == 1 and settings.purpose == "anywhere":
-        signals = recordings[0]
-        period = find_period(signals.q, signals.rate_hz)
+        uniform = recordings[0]
+        period = signals.find_period(uniform.q, uniform.rate_hz)
         if period is not None:
             processing = replace(processing, period_s=period)
-            repetitions = int(len(signals.t) / signals.rate_hz / period + 1e-6)
-            recordings = [fold_periods(signals, period)]
+            repetitions = int(len(uniform.t) / uniform.rate_hz / period + 1e-6)
+            recordings = [signals.fold_periods(uniform, period)]
             averaged = (f"average of {repetitions} periods of {period:g} s",)
     simulated = _word(settings) in SIMULATED
     left = ("friction without presliding: the estimator simulates the arm",) if simulated else ()
@@ -154,10 +141,10 @@ LONG_RECORD = 20_000
 
 
 def asked_processing(
-    records: Sequence[ExperimentRecord], settings: IdentifySettings
-) -> ProcessingSettings:
+    records: Sequence[recording.ExperimentRecord], settings: IdentifySettings
+) -> signals.ProcessingSettings:
     """How recordings are processed as far as the user said; rows of long ones are averaged."""
-    return ProcessingSettings(
+    return signals.ProcessingSettings(
         cutoff_hz=settings.cutoff_hz,
         start_s=settings.start_s,
         stop_s=settings.stop_s,
@@ -165,18 +152,18 @@ def asked_processing(
     )
 
 
-def made_from(records: Sequence[AnyRecording], settings: IdentifySettings) -> Provenance:
+def made_from(records: Sequence[recording.AnyRecording], settings: IdentifySettings) -> Provenance:
     """Where an estimate comes from: its recordings and what was asked for."""
     names = [r.metadata.origin or f"record {k}" for k, r in enumerate(records, start=1)]
-    inputs = dict(zip(names, map(fingerprint, records), strict=True))
+    inputs = dict(zip(names, map(recording.fingerprint, records), strict=True))
     return provenance(inputs=inputs, settings=settings.to_json())
 
 
 def prepare(
-    records: Sequence[ExperimentRecord],
+    records: Sequence[recording.ExperimentRecord],
     robot: RobotModel,
     settings: IdentifySettings,
-    processing: ProcessingSettings,
+    processing: signals.ProcessingSettings,
     made: Provenance,
     progress: Progress | None = None,
 ) -> identification.PreparedFit:
@@ -188,12 +175,12 @@ def prepare(
     if settings.preset == "best":
         choice, words = choose(records, robot, settings, processing, progress)
         processing = choice.settings
-    recordings = [uniform_signals(record, robot, processing) for record in records]
+    recordings = [signals.uniform_signals(record, robot, processing) for record in records]
     if _word(settings) in SIMULATED:
         # Derivatives, spectra and simulations of all of them go by one rate.
-        recordings = at_one_rate(recordings)
-    parts = [samples_from(signals, processing) for signals in recordings]
-    samples = parts[0] if len(parts) == 1 else joined(parts)
+        recordings = signals.at_one_rate(recordings)
+    parts = [signals.samples_from(uniform, processing) for uniform in recordings]
+    samples = parts[0] if len(parts) == 1 else signals.joined(parts)
     friction = settings.terms or regressor.FrictionTerms() if choice is None else choice.friction
     estimator = _estimator(settings, robot, choice)
     model = regressor.InverseDynamicModel(robot=robot, frames=settings.frames, friction=friction)
@@ -240,7 +227,7 @@ def require_cutoff(rate_hz: float, cutoff_hz: float | None, seconds: float = mat
             value=f"{cutoff_hz:g} Hz",
             limit=f"from {1.01 * LEAST_PERIODS / seconds:.3g} Hz",
         )
-    highest = NYQUIST_SHARE * rate_hz / 2
+    highest = signals.NYQUIST_SHARE * rate_hz / 2
     if cutoff_hz > highest * (1 + 1e-6):
         raise InputError(
             "the cut-off is too high for the record's rate",
@@ -250,13 +237,13 @@ def require_cutoff(rate_hz: float, cutoff_hz: float | None, seconds: float = mat
         )
 
 
-def require_torques(parts: Sequence[ExperimentRecord], robot: RobotModel) -> None:
+def require_torques(parts: Sequence[recording.ExperimentRecord], robot: RobotModel) -> None:
     """Refuse a recording, given in parts, of which a joint's torque never changes.
 
     Raises:
         InputError: Such a torque was not measured, and is no model's.
     """
-    flat = [np.ptp(measured_torque(part, robot), axis=0) == 0.0 for part in parts]
+    flat = [np.ptp(signals.measured_torque(part, robot), axis=0) == 0.0 for part in parts]
     dead = np.flatnonzero(np.all(flat, axis=0))
     if len(dead):
         raise InputError(

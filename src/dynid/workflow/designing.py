@@ -10,19 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid import core, excitation, reduction, regressor
+from dynid import core, excitation, reduction, regressor, trajectory
 from dynid.robot import RobotLike, RobotModel, load_robot
 from dynid.settings import LONGEST_S, DesignSettings, word_of
 from dynid.signals import process
-from dynid.trajectory import (
-    LANGUAGES,
-    check_points,
-    csv_text,
-    joint_trajectory_yaml,
-    motion_family,
-    points_text,
-    ur_program,
-)
 from dynid.workflow.design_files import ROBOT, motions_from, robot_hash, write_design
 from dynid.workflow.design_limits import given_limits
 from dynid.workflow.recordings import robot_reference
@@ -198,7 +189,7 @@ class _DesignJob:
                 previous=previous,
                 moment=None if purpose is None else purpose.moment(self.noise),
             ),
-            family=motion_family(
+            family=trajectory.motion_family(
                 asked.trajectory, period_s, replace(asked, period_s=period_s).order
             ),
             constraints=self.judge,
@@ -348,31 +339,31 @@ def _each(values: Sequence[float], joints: int, where: str) -> core.Array:
     return np.array(values)
 
 
-def check_export(kind: str, robot: RobotLike, trajectory: str) -> None:
+def check_export(kind: str, robot: RobotLike, motion: str) -> None:
     """Refuse a format that cannot hold a motion before that is searched for.
 
     Args:
         kind: `csv`, `urscript`, `ros` or a language of points.
         robot: The robot that is to move.
-        trajectory: The word of its kind of motion.
+        motion: The word of its kind of motion.
 
     Raises:
         InputError: Another kind of motion, or number or kind of joints, than the format has, or
             no limits that it needs.
     """
-    if kind in LANGUAGES and trajectory != "points":
+    if kind in trajectory.LANGUAGES and motion != "points":
         raise core.InputError(
             "holds motions through points alone",
             where=f"--{kind}",
-            value=trajectory,
+            value=motion,
             next_step="Design with --trajectory points.",
         )
     model = load_robot(robot)
-    if kind in LANGUAGES:
-        check_points(kind, model.joints, model.limits.motion)
+    if kind in trajectory.LANGUAGES:
+        trajectory.check_points(kind, model.joints, model.limits.motion)
     elif kind == "urscript" and model.joints != 6:
         raise core.InputError("needs six joints", where=f"--{kind}", value=model.joints, limit=6)
-    if kind in {"urscript", *LANGUAGES} - {"waypoints"} and any(model.prismatic):
+    if kind in {"urscript", *trajectory.LANGUAGES} - {"waypoints"} and any(model.prismatic):
         raise core.InputError(
             "holds angles alone, and this joint slides",
             where=f"--{kind}",
@@ -398,12 +389,14 @@ def export_motion(design: excitation.ExcitationDesign, kind: str, path: str | Pa
     match kind:
         case "csv":
             units = ["m" if slides else "rad" for slides in robot.prismatic]
-            text = csv_text(design.trajectory, units=units)
+            text = trajectory.csv_text(design.trajectory, units=units)
         case "ros":
-            text = f"# {said}\n" + joint_trajectory_yaml(design.trajectory, robot.joint_names)
+            text = f"# {said}\n" + trajectory.joint_trajectory_yaml(
+                design.trajectory, robot.joint_names
+            )
         case "urscript":
             comment = f"design for {robot.name}\n{said}"
-            text = ur_program(design.trajectory, comment=comment, fed=False)
+            text = trajectory.ur_program(design.trajectory, comment=comment, fed=False)
         case _:
-            text = points_text(design.trajectory, kind, design.limits, comment=said)
+            text = trajectory.points_text(design.trajectory, kind, design.limits, comment=said)
     core.write_text(Path(path), text)

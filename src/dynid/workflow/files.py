@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid import core
+from dynid import core, signals
 from dynid.export import ExportedFile, write_model
 from dynid.identification import Estimate, open_estimate, write_estimate
 from dynid.recording import (
@@ -26,7 +26,6 @@ from dynid.recording import (
 )
 from dynid.robot import RobotLike, load_robot
 from dynid.settings import IdentifySettings
-from dynid.signals import ProcessingSettings, rows_of, survey, window
 from dynid.validation import REFIT, ValidationResult, refit_friction, samples_of, validate
 from dynid.workflow.identify import Identification, Verdict, identify, verdict
 from dynid.workflow.recordings import known_gains, of_robot, robot_of
@@ -77,15 +76,15 @@ def identify_files(
                     next_step="Name it with --validate RECORD.",
                 )
             with _of_validation():
-                ProcessingSettings(start_s=validation_start_s, stop_s=validation_stop_s)
+                signals.ProcessingSettings(start_s=validation_start_s, stop_s=validation_stop_s)
                 other = _window_of(records[0], validation_start_s, validation_stop_s)
             if not isinstance(records[0], ExperimentRecord):
                 validation_start_s = validation_stop_s = None
         if other is not None:
             # A wrong window must not cost the time of an identification first.
             with _of_validation():
-                ProcessingSettings(start_s=validation_start_s, stop_s=validation_stop_s)
-                window(other.t, validation_start_s, validation_stop_s)
+                signals.ProcessingSettings(start_s=validation_start_s, stop_s=validation_stop_s)
+                signals.window(other.t, validation_start_s, validation_stop_s)
         with core.workers(jobs, dask) as beside:
             result = identify(
                 records,
@@ -118,7 +117,7 @@ def _window_of(
     """A recording whose window can be validated: of a stored one, the window alone."""
     if isinstance(record, ExperimentRecord):
         return record
-    grid = survey(record, start_s, stop_s)
+    grid = signals.survey(record, start_s, stop_s)
     if grid.last_row - grid.first_row > LONG:
         raise core.InputError(
             "the window is too long to be predicted at once",
@@ -126,7 +125,7 @@ def _window_of(
             value=f"{grid.last_row - grid.first_row} rows",
             limit=f"{LONG} rows",
         )
-    return rows_of(record, grid.first_row, grid.last_row)
+    return signals.rows_of(record, grid.first_row, grid.last_row)
 
 
 def validate_files(

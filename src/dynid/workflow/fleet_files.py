@@ -13,9 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid import core, reduction, regressor
-from dynid.identification import IdentificationProblem, RecordStatistics, record_statistics
-from dynid.recording import is_url, local_files, objects_below, open_record, signals_hash
+from dynid import core, identification, recording, reduction, regressor
 from dynid.robot import load_robot, robot_to_json
 from dynid.signals import ProcessingSettings, process
 from dynid.workflow.recordings import known_gains, stored_robot
@@ -52,7 +50,7 @@ class FleetRecording(core.Value):
     """(n) mean joint temperatures; NaN where nobody says."""
     signals: str
     """Hash of positions and torques: copies may have other stamps."""
-    statistics: RecordStatistics
+    statistics: identification.RecordStatistics
     computed: bool
     """Whether it was computed now, not taken from the cache."""
 
@@ -128,10 +126,10 @@ def _contribution(job: tuple[str, str | None, str]) -> FleetRecording | str:
     """
     place, model, terms = job
     try:
-        with local_files([place]) as (path,):
+        with recording.local_files([place]) as (path,):
             reference = stored_robot([path])[0] if model is None else model
             plain = load_robot(reference, collision=False)
-            record, _ = known_gains(open_record(path, plain), plain)
+            record, _ = known_gains(recording.open_record(path, plain), plain)
             extra = record.metadata.extra
             mount = extra.get("mount", "file")
             mount = None if mount == "file" else mount
@@ -139,8 +137,8 @@ def _contribution(job: tuple[str, str | None, str]) -> FleetRecording | str:
             robot = base.model.robot
         with core.one_thread():
             samples = process(record, robot, ProcessingSettings(decimate=True))
-            problem = IdentificationProblem(base=base, samples=samples)
-            statistics = record_statistics(problem)
+            problem = identification.IdentificationProblem(base=base, samples=samples)
+            statistics = identification.record_statistics(problem)
     except core.DynidError as error:
         return error.line
     named, when = (
@@ -153,7 +151,7 @@ def _contribution(job: tuple[str, str | None, str]) -> FleetRecording | str:
         mount=mount,
         time_s=_seconds(when) if when or not first >= EPOCH_FROM_S else first,
         temperature_degC=np.full(robot.joints, np.nan) if warm is None else warm.mean(axis=0),
-        signals=signals_hash(record),
+        signals=recording.signals_hash(record),
         statistics=statistics,
         computed=True,
     )
@@ -252,9 +250,9 @@ def _looked_into(
     folder: str | Path, output: Path
 ) -> tuple[Manifest, Iterable[tuple[str, str, str]]]:
     """The manifest; name, place and digest of files that may be recordings, without the output."""
-    if is_url(folder):
-        objects = objects_below(str(folder))
-        with local_files([one.url for one in objects if one.name == MANIFEST]) as given:
+    if recording.is_url(folder):
+        objects = recording.objects_below(str(folder))
+        with recording.local_files([one.url for one in objects if one.name == MANIFEST]) as given:
             manifest = _manifest(Path(given[0])) if given else {}
         return manifest, [
             (one.name, one.url, one.state) for one in objects if _may_be(PurePosixPath(one.name))
@@ -321,7 +319,7 @@ def _cached(path: Path, model: str | None, terms: str) -> FleetRecording | None:
         if facts.pop("key") != _key(model or facts["model"], terms):
             return None
         temperature, samples = stored.pop("temperature_degC"), int(stored.pop("samples"))
-        statistics = RecordStatistics(**stored, samples=samples)
+        statistics = identification.RecordStatistics(**stored, samples=samples)
         return FleetRecording(
             **facts, temperature_degC=temperature, statistics=statistics, computed=False
         )

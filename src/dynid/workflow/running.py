@@ -14,17 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid import core, drivers, simulation
-from dynid.experiment import (
-    Approach,
-    ExperimentPlan,
-    RunResult,
-    check_design,
-    check_robot,
-    plan_approach,
-    require_ready,
-    run,
-)
+from dynid import core, drivers, experiment, simulation
 from dynid.recording import (
     ExperimentRecord,
     RecordMetadata,
@@ -139,7 +129,7 @@ MOVED = 0.01
 class Run:
     """What became of a run."""
 
-    result: RunResult
+    result: experiment.RunResult
     """How it ended."""
     record: Path | None
     """The recording, or what is left of it; None if there is none."""
@@ -236,7 +226,7 @@ def run_design(
     written = (path, truth_path(path)) if on == SIMULATED else (path,)
     core.require_absent(*written, force=asked.force)
     state = None if on == SIMULATED else drivers.inspect(_host(on))
-    plan = ExperimentPlan(
+    plan = experiment.ExperimentPlan(
         robot=loaded.robot,
         trajectory=loaded.stored.trajectory,
         periods=asked.repeat,
@@ -261,7 +251,11 @@ def run_design(
     ready = _made_ready(plan, state, loaded, asked, confirm, cancel, progress)
     if ready is None:
         outcome = drivers.Outcome(samples=0, periods=0, gaps=0, abort=drivers.INTERRUPTED)
-        return Run(result=RunResult(outcome=outcome, stopped_in=None), record=None, design=loaded)
+        return Run(
+            result=experiment.RunResult(outcome=outcome, stopped_in=None),
+            record=None,
+            design=loaded,
+        )
     driver = drivers.ServojDriver(state) if asked.method == "servoj" else drivers.UrDriver(state)
     return _execute(ready, driver, loaded, asked, path, cancel, progress)
 
@@ -283,14 +277,14 @@ def load_design(path: Path, asked: RunSettings) -> design_files.StoredDesign:
 
 
 def _made_ready(
-    plan: ExperimentPlan,
+    plan: experiment.ExperimentPlan,
     state: drivers.ControllerState,
     loaded: design_files.StoredDesign,
     asked: RunSettings,
     confirm: Confirm | None,
     cancel: Event | None,
     progress: core.Progress | None,
-) -> ExperimentPlan | None:
+) -> experiment.ExperimentPlan | None:
     """The plan with its way to the start: check the design, then the robot, then ask.
 
     None where `cancel` was set meanwhile.
@@ -300,18 +294,20 @@ def _made_ready(
         JobError: The robot is not ready, or has moved since it was checked.
     """
     _, constraints = design_files.judge_of(loaded, asked)
-    certificate = check_design(plan, constraints, asked.accept_unjudged)
+    certificate = experiment.check_design(plan, constraints, asked.accept_unjudged)
     # What a person has to clear first is told at once, not after the search for a way.
-    there = Approach(poses=np.stack([state.q, plan.start]))
-    require_ready(check_robot(plan, state, there), state.host)
-    approach = plan_approach(state.q, plan.start, constraints, cancel=cancel, progress=progress)
+    there = experiment.Approach(poses=np.stack([state.q, plan.start]))
+    experiment.require_ready(experiment.check_robot(plan, state, there), state.host)
+    approach = experiment.plan_approach(
+        state.q, plan.start, constraints, cancel=cancel, progress=progress
+    )
     if progress is not None:
         # What the search was told last says nothing of the robot, which comes next.
         progress("run", 0.0)
     if cancel is not None and cancel.is_set():
         return None
-    checks = check_robot(plan, state, approach)
-    require_ready(checks, state.host)
+    checks = experiment.check_robot(plan, state, approach)
+    experiment.require_ready(checks, state.host)
     if confirm is not None:
         lines = [f"{check.name}: {check.finding}" for check in checks]
         lines += [f"mounted as: {plan.robot.mount} (the robot cannot tell; look)"]
@@ -327,7 +323,7 @@ def _made_ready(
         confirm("\n".join(f"- {line}" for line in lines), state.host)
     # Planning and a person who thinks take time, in which others may have used the robot.
     now = drivers.inspect(state.host)
-    require_ready(check_robot(plan, now, approach), state.host)
+    experiment.require_ready(experiment.check_robot(plan, now, approach), state.host)
     away = float(np.abs(now.q - state.q).max())
     if away > MOVED:
         raise core.JobError(
@@ -369,7 +365,7 @@ def _simulated(loaded: design_files.StoredDesign, asked: RunSettings) -> drivers
 
 
 def _execute(
-    plan: ExperimentPlan,
+    plan: experiment.ExperimentPlan,
     driver: drivers.Driver,
     loaded: design_files.StoredDesign,
     asked: RunSettings,
@@ -416,7 +412,7 @@ def _execute(
         )
         return opened[0]
 
-    result = run(plan, driver, open_recorder, cancel=cancel, progress=progress)
+    result = experiment.run(plan, driver, open_recorder, cancel=cancel, progress=progress)
     # What was appended need not have been written: the disk is what counts.
     record = opened[0].record_path
     samples = opened[0].saved_samples if record.exists() else 0

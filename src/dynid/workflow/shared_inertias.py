@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid import identification, recording, reduction
+from dynid import identification, recording, reduction, validation
 from dynid.core import Array, Finding, InputError, Progress, frozen, one_thread, table, told
 from dynid.regressor import FrictionTerms, InverseDynamicModel, LoadFriction
 from dynid.robot import RobotLike, RobotModel, frame_map, from_body, load_robot, with_carried
 from dynid.settings import IdentifySettings
 from dynid.signals import ProcessingSettings, Samples, process, window
-from dynid.validation import record_findings
 from dynid.workflow import choosing
 
 
@@ -118,7 +117,7 @@ def identify_shared(
             made=choosing.made_from(several, settings),
         )
         estimates = tuple(
-            replace(one, warnings=(*one.warnings, *record_findings(robot, record)))
+            replace(one, warnings=(*one.warnings, *validation.record_findings(robot, record)))
             for one, record in zip(
                 identification.shared_estimates(problem, fit, source), several, strict=True
             )
@@ -229,7 +228,7 @@ def identify_temperature(
         temperature_degC=mean,
         covariance=solved.covariance,
         naive=solved.naive,
-        warnings=(*_flat(laws), *record_findings(robot, *several)),
+        warnings=(*_flat(laws), *validation.record_findings(robot, *several)),
     )
 
 
@@ -293,7 +292,7 @@ def identify_payload(
         found = identification.payload_of(
             problem, identification.fit_shared(problem, one_noise=True)
         )
-    told_by = record_findings(model, *without, *carrying)
+    told_by = validation.record_findings(model, *without, *carrying)
     return replace(found, warnings=(*found.warnings, *told_by))
 
 
@@ -361,7 +360,7 @@ def identify_gains(record: recording.RecordLike, robot: RobotLike) -> identifica
         rate_hz=record.rate_hz,
         names=model.joint_names,
     )
-    return replace(found, warnings=(*found.warnings, *record_findings(model, record)))
+    return replace(found, warnings=(*found.warnings, *validation.record_findings(model, record)))
 
 
 def identify_gains_from_payload(
@@ -409,7 +408,7 @@ def identify_gains_from_payload(
         own = model.drives.gain if (model.drives.gain > 0).all() else None
         turn = frame_map(link @ model.flange)
         found = identification.gains_from_payload(problem, turn, known, own)
-    told_by = record_findings(model, *without, *carrying)
+    told_by = validation.record_findings(model, *without, *carrying)
     return replace(found, warnings=(*found.warnings, *told_by))
 
 

@@ -19,10 +19,9 @@ from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.settings import DesignSettings, IdentifySettings, RunSettings, SceneSettings
 from dynid.trajectory import JointMotion
-from dynid.workflow import design_files
+from dynid.workflow import design_files, running
 from dynid.workflow.designing import design
 from dynid.workflow.identify import LONGER, Accuracy, accuracy, identify
-from dynid.workflow.running import SIMULATED, Confirm, Run, run_design
 
 MOST_ROUNDS = 10
 """A tenfold longer run than the first."""
@@ -34,7 +33,7 @@ class Round:
     """One design, its run, and what is known after it."""
 
     design: Path
-    run: Run
+    run: running.Run
     accuracy: Accuracy | None
     """By all recordings so far; None where the run was stopped."""
 
@@ -56,7 +55,7 @@ class RunUntil:
     """`reached`, `out_of_reach`, `too_long` or `stopped`."""
 
     @property
-    def last(self) -> Run:
+    def last(self) -> running.Run:
         """The last run."""
         return self.rounds[-1].run
 
@@ -116,10 +115,10 @@ def run_until(
     output: str | Path,
     percent: float,
     *,
-    on: str = SIMULATED,
+    on: str = running.SIMULATED,
     settings: RunSettings | None = None,
     identification: IdentifySettings | None = None,
-    confirm: Confirm | None = None,
+    confirm: running.Confirm | None = None,
     cancel: Event | None = None,
     progress: Progress | None = None,
 ) -> RunUntil:
@@ -177,7 +176,7 @@ def run_until(
             with interruptible():
                 if design(robot, more, output=place, progress=progress).interrupted:
                     raise KeyboardInterrupt
-        run = run_design(
+        run = running.run_design(
             place,
             record,
             on=on,

@@ -9,27 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Concatenate, cast
 
-from urtwin.urscript import syntax
+from urtwin.urscript import syntax, values
 from urtwin.urscript.execution import Frame, ScriptRun
-from urtwin.urscript.values import (
-    MAX_LENGTH,
-    OPERATORS,
-    SIGNS,
-    UNKNOWN_FUNCTION,
-    UNKNOWN_NAME,
-    UNKNOWN_THREAD,
-    Builtin,
-    Pose,
-    ScriptError,
-    ScriptFault,
-    Struct,
-    Value,
-    copied,
-    described,
-    number,
-    shown,
-    truth,
-)
 
 Runner = Callable[[ScriptRun, Frame], Any]
 """Compiled code: gives a value; where it takes time, other threads run meanwhile."""
@@ -62,10 +43,10 @@ class Function:
 
     def caller(self) -> Callable[..., Any]:
         """What a call does with the arguments."""
-        blank: list[Value] = [None] * (len(self.places) - len(self.definition.parameters))
+        blank: list[values.Value] = [None] * (len(self.places) - len(self.definition.parameters))
 
-        def call(x: ScriptRun, *values: Value) -> Value:
-            frame = [*values, *blank]
+        def call(x: ScriptRun, *given: values.Value) -> values.Value:
+            frame = [*given, *blank]
             x.enter(frame)
             signal = self.body(x, frame)
             x.leave()
@@ -77,8 +58,8 @@ class Function:
         """What `run` does with the arguments: it gives the handle of the new thread."""
         call = self.caller()
 
-        def start(x: ScriptRun, *values: Value) -> int:
-            return x.start(lambda: call(x, *values), self)
+        def start(x: ScriptRun, *given: values.Value) -> int:
+            return x.start(lambda: call(x, *given), self)
 
         return start
 
@@ -88,12 +69,12 @@ _LOGIC = ("and", "or", "xor")
 
 def _arithmetic(head: Runner, others: list[Runner], signs: list[str]) -> Runner:
     """Operators of one rank, from left to right."""
-    steps = [(OPERATORS[sign], other) for sign, other in zip(signs, others, strict=True)]
+    steps = [(values.OPERATORS[sign], other) for sign, other in zip(signs, others, strict=True)]
     if len(steps) == 1:
         only, other = steps[0]
         return lambda x, v: only(head(x, v), other(x, v))
 
-    def run(x: ScriptRun, v: Frame) -> Value:
+    def run(x: ScriptRun, v: Frame) -> values.Value:
         value = head(x, v)
         for operation, operand in steps:
             value = operation(value, operand(x, v))
@@ -107,81 +88,85 @@ def _logic(head: Runner, others: list[Runner], signs: list[str]) -> Runner:
     parts = list(zip(signs, others, strict=True))
 
     def run(x: ScriptRun, v: Frame) -> bool:
-        value = truth(head(x, v))
+        value = values.truth(head(x, v))
         for sign, part in parts:
             if sign == "xor":
-                value = value != truth(part(x, v))
+                value = value != values.truth(part(x, v))
             elif value is (sign == "and"):
-                value = truth(part(x, v))
+                value = values.truth(part(x, v))
         return value
 
     return run
 
 
-def _listed(x: ScriptRun, *items: Value) -> Value:
+def _listed(x: ScriptRun, *items: values.Value) -> values.Value:
     found: list[Any] = list(items)
     for place, item in enumerate(found):
         if item is None:
-            raise ScriptFault("an element has no value", value=described(item))
+            raise values.ScriptFault("an element has no value", value=values.described(item))
         if item.__class__ is str:
             x.charge(item)
         elif isinstance(item, list):
             x.charge(cast("list[Any]", item))
-            found[place] = copied(item)
+            found[place] = values.copied(item)
     _check_size(found)
     return found
 
 
-def _posed(x: ScriptRun, *items: Value) -> Value:
-    return Pose([number(item) for item in items])
+def _posed(x: ScriptRun, *items: values.Value) -> values.Value:
+    return values.Pose([values.number(item) for item in items])
 
 
-def _element(x: ScriptRun, base: Value, *indices: Value) -> Value:
+def _element(x: ScriptRun, base: values.Value, *indices: values.Value) -> values.Value:
     for index in indices:
         base = _base_list(base)[_place(base, index)]
     return base
 
 
-def store(base: Value, indices: list[Value], value: Value) -> None:
+def store(base: values.Value, indices: list[values.Value], value: values.Value) -> None:
     """Change an element; `ScriptFault` for no list, no such element, or no value for one."""
     for index in indices[:-1]:
         base = _base_list(base)[_place(base, index)]
     items = _base_list(base)
     if value is None:
-        raise ScriptFault("an element has no value", value=described(value))
-    if items.__class__ is Pose:
-        number(value)
+        raise values.ScriptFault("an element has no value", value=values.described(value))
+    if items.__class__ is values.Pose:
+        values.number(value)
     items[_place(items, indices[-1])] = value
     if isinstance(value, list):
         _check_size(items)
 
 
-def _base_list(value: Value) -> list[Any]:
+def _base_list(value: values.Value) -> list[Any]:
     if isinstance(value, list):
         return cast("list[Any]", value)
-    raise ScriptFault("a list expected", value=described(value))
+    raise values.ScriptFault("a list expected", value=values.described(value))
 
 
-def _place(items: list[Any], index: Value) -> int:
+def _place(items: list[Any], index: values.Value) -> int:
     """A checked index, or the place of a struct's member."""
-    if isinstance(items, Struct) and index.__class__ is str:
+    if isinstance(items, values.Struct) and index.__class__ is str:
         if index not in items.names:
-            raise ScriptFault("the struct has no such member", value=index, limit=items.names)
+            raise values.ScriptFault(
+                "the struct has no such member", value=index, limit=items.names
+            )
         return items.names.index(index)
     if index.__class__ is float and index.is_integer():
         index = int(index)
     if index.__class__ is not int:
-        raise ScriptFault("an index must be a whole number", value=index)
+        raise values.ScriptFault("an index must be a whole number", value=index)
     if not 0 <= index < len(items):
-        raise ScriptFault("no such element", value=index, limit=(0, len(items) - 1))
+        raise values.ScriptFault("no such element", value=index, limit=(0, len(items) - 1))
     return index
 
 
 def _check_size(items: list[Any]) -> None:
-    if len(items) > MAX_LENGTH or (
-        any(isinstance(item, list) for item in items) and _elements(items) > MAX_LENGTH
+    if len(items) > values.MAX_LENGTH or (
+        any(isinstance(item, list) for item in items) and _elements(items) > values.MAX_LENGTH
     ):
-        raise ScriptFault("the list is too long", value=_elements(items), limit=MAX_LENGTH)
+        raise values.ScriptFault(
+            "the list is too long", value=_elements(items), limit=values.MAX_LENGTH
+        )
 
 
 def _elements(items: list[Any]) -> int:
@@ -190,47 +175,47 @@ def _elements(items: list[Any]) -> int:
     return len(items) + sum(map(_elements, inner))
 
 
-def _insert(x: ScriptRun, items: list[Any], index: Value, value: Value) -> None:
+def _insert(x: ScriptRun, items: list[Any], index: values.Value, value: values.Value) -> None:
     (kept,) = _listed(x, value)
     where = len(items) if index == len(items) else _place(items, index)
     _check_size([*items, kept])
     items.insert(where, kept)
 
 
-def _extend(x: ScriptRun, items: list[Any], others: Value) -> None:
+def _extend(x: ScriptRun, items: list[Any], others: values.Value) -> None:
     more = _listed(x, *_base_list(others))
     _check_size([*items, *more])
     items.extend(more)
 
 
-def _pop(x: ScriptRun, items: list[Any]) -> Value:
+def _pop(x: ScriptRun, items: list[Any]) -> values.Value:
     if not items:
-        raise ScriptFault("the list is empty")
+        raise values.ScriptFault("the list is empty")
     return items.pop()
 
 
-def _remove(x: ScriptRun, items: list[Any], index: Value) -> None:
+def _remove(x: ScriptRun, items: list[Any], index: values.Value) -> None:
     del items[_place(items, index)]
 
 
-def _slice(x: ScriptRun, items: list[Any], begin: Value, end: Value) -> Value:
+def _slice(x: ScriptRun, items: list[Any], begin: values.Value, end: values.Value) -> values.Value:
     first = len(items) if begin == len(items) else _place(items, begin)
     last = len(items) if end == len(items) else _place(items, end)
     return _listed(x, *items[first:last])
 
 
-_ALONE: dict[str, Callable[[ScriptRun, list[Any]], Value]] = {
+_ALONE: dict[str, Callable[[ScriptRun, list[Any]], values.Value]] = {
     "clear": lambda x, items: items.clear(),
     "length": lambda x, items: len(items),
     "pop": _pop,
-    "to_string": lambda x, items: shown(items),
+    "to_string": lambda x, items: values.shown(items),
 }
-_WITH_ONE: dict[str, Callable[[ScriptRun, list[Any], Value], Value]] = {
+_WITH_ONE: dict[str, Callable[[ScriptRun, list[Any], values.Value], values.Value]] = {
     "append": lambda x, items, value: _insert(x, items, len(items), value),
     "extend": _extend,
     "remove": _remove,
 }
-_METHODS: dict[str, tuple[Callable[..., Value], int]] = {
+_METHODS: dict[str, tuple[Callable[..., values.Value], int]] = {
     **{name: (method, 0) for name, method in _ALONE.items()},
     **{name: (method, 1) for name, method in _WITH_ONE.items()},
     "insert": (_insert, 2),
@@ -253,7 +238,7 @@ class Scope:
     shared: Mapping[str, int]
     """Variables of the program, by place."""
     functions: Mapping[str, Function]
-    builtins: Mapping[str, Builtin]
+    builtins: Mapping[str, values.Builtin]
 
     def expression(self, tree: syntax.Expression) -> Runner:
         """Compile an expression."""
@@ -262,9 +247,12 @@ class Scope:
         if isinstance(tree, syntax.Variable):
             return self._variable(tree)
         if isinstance(tree, syntax.ListOf):
-            if len(tree.items) > MAX_LENGTH:
-                raise ScriptError(
-                    "the list is too long", tree.line, value=len(tree.items), limit=MAX_LENGTH
+            if len(tree.items) > values.MAX_LENGTH:
+                raise values.ScriptError(
+                    "the list is too long",
+                    tree.line,
+                    value=len(tree.items),
+                    limit=values.MAX_LENGTH,
                 )
             return compose(self._all(tree.items), _posed if tree.pose else _listed)
         if isinstance(tree, syntax.Index):
@@ -276,7 +264,7 @@ class Scope:
         if isinstance(tree, syntax.Method):
             return self._method(tree)
         if isinstance(tree, syntax.Unary):
-            operation = SIGNS[tree.operator]
+            operation = values.SIGNS[tree.operator]
             return compose([self.expression(tree.operand)], lambda x, *of: operation(*of))
         if isinstance(tree, syntax.Chain):
             head, others = self.expression(tree.first), self._all([part for _, part in tree.rest])
@@ -297,13 +285,13 @@ class Scope:
         name = tree.name
         own = name in self.own
         if not own and name not in self.shared:
-            raise ScriptError(UNKNOWN_NAME, tree.line, value=name)
+            raise values.ScriptError(values.UNKNOWN_NAME, tree.line, value=name)
         place = self.own[name] if own else self.shared[name]
 
-        def run(x: ScriptRun, v: Frame) -> Value:
+        def run(x: ScriptRun, v: Frame) -> values.Value:
             value = (v if own else x.shared)[place]
             if value is None:
-                raise ScriptFault(f"variable '{name}' has no value")
+                raise values.ScriptFault(f"variable '{name}' has no value")
             return value
 
         return run
@@ -316,40 +304,40 @@ class Scope:
             return self._struct(tree)
         known = self.builtins.get(tree.name)
         if known is None:
-            raise ScriptError(UNKNOWN_FUNCTION, tree.line, value=tree.name)
+            raise values.ScriptError(values.UNKNOWN_FUNCTION, tree.line, value=tree.name)
         defaults = {name: _constant(value) for name, value in known.defaults.items()}
         operands = self._arguments(tree, known.parameters, defaults)
         call = known.function
         if known.takes_time:
-            return compose(operands, lambda x, *values: x.finish(call(x.port, *values)))
+            return compose(operands, lambda x, *given: x.finish(call(x.port, *given)))
         if known.controls:
-            return compose(operands, lambda x, *values: call(x.port, *values))
-        return compose(operands, lambda x, *values: call(*values))
+            return compose(operands, lambda x, *given: call(x.port, *given))
+        return compose(operands, lambda x, *given: call(*given))
 
     def _struct(self, tree: syntax.Call) -> Runner:
         names = tuple(tree.named)
         if tree.positional or not names:
-            raise ScriptError("a struct needs a name for each value", tree.line)
+            raise values.ScriptError("a struct needs a name for each value", tree.line)
 
-        def made(x: ScriptRun, *values: Value) -> Value:
-            return Struct(names, _listed(x, *values))
+        def made(x: ScriptRun, *given: values.Value) -> values.Value:
+            return values.Struct(names, _listed(x, *given))
 
         return compose([self.kept(value) for value in tree.named.values()], made)
 
     def _method(self, tree: syntax.Method) -> Runner:
         name = tree.name
         if name not in _METHODS:
-            raise ScriptError(UNKNOWN_FUNCTION, tree.line, value=name)
+            raise values.ScriptError(values.UNKNOWN_FUNCTION, tree.line, value=name)
         method, count = _METHODS[name]
         if len(tree.arguments) != count:
-            raise ScriptError(
+            raise values.ScriptError(
                 f"arguments of {name}", tree.line, value=len(tree.arguments), limit=count
             )
 
-        def call(x: ScriptRun, base: Value, *arguments: Value) -> Value:
+        def call(x: ScriptRun, base: values.Value, *arguments: values.Value) -> values.Value:
             items = _base_list(base)
-            if items.__class__ in (Pose, Struct) and name not in _LEAVE_IT:
-                raise ScriptFault("a pose or a struct keeps its length", value=name)
+            if items.__class__ in (values.Pose, values.Struct) and name not in _LEAVE_IT:
+                raise values.ScriptFault("a pose or a struct keeps its length", value=name)
             return method(x, items, *arguments)
 
         operands = [self.expression(tree.base), *(self.kept(part) for part in tree.arguments)]
@@ -358,7 +346,7 @@ class Scope:
     def _start(self, tree: syntax.StartThread) -> Runner:
         function = self.functions.get(tree.name)
         if function is None:
-            raise ScriptError(UNKNOWN_THREAD, tree.line, value=tree.name)
+            raise values.ScriptError(values.UNKNOWN_THREAD, tree.line, value=tree.name)
         return compose(self._own(tree, function), function.starter())
 
     def _own(self, tree: syntax.Call, function: Function) -> list[Runner]:
@@ -371,7 +359,7 @@ class Scope:
         self, tree: syntax.Call, parameters: tuple[str, ...], defaults: Mapping[str, Runner]
     ) -> list[Runner]:
         if len(tree.positional) > len(parameters):
-            raise ScriptError(
+            raise values.ScriptError(
                 f"too many arguments for {tree.name}",
                 tree.line,
                 value=len(tree.positional),
@@ -380,7 +368,7 @@ class Scope:
         given = dict(zip(parameters, tree.positional, strict=False))
         for name, value in tree.named.items():
             if name not in parameters or name in given:
-                raise ScriptError(
+                raise values.ScriptError(
                     f"argument of {tree.name}", tree.line, value=name, limit=parameters
                 )
             given[name] = value
@@ -391,18 +379,18 @@ class Scope:
             elif name in defaults:
                 found.append(defaults[name])
             else:
-                raise ScriptError(f"{tree.name} needs its argument", tree.line, value=name)
+                raise values.ScriptError(f"{tree.name} needs its argument", tree.line, value=name)
         return found
 
 
-def _constant(value: Value) -> Runner:
+def _constant(value: values.Value) -> Runner:
     return lambda x, v: value
 
 
-def _copy(x: ScriptRun, value: Value) -> Value:
+def _copy(x: ScriptRun, value: values.Value) -> values.Value:
     if value.__class__ is float:
         return value
     if isinstance(value, list):
         x.charge(value)
-        return copied(value)
+        return values.copied(value)
     return value

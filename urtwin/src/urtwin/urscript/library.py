@@ -13,87 +13,77 @@ import numpy as np
 from dynid.core import Array
 from dynid.robot import from_xyz_rpy, inverse
 from urtwin.kinematics import rotation_matrix, rotation_vector, to_matrix, to_pose
-from urtwin.urscript.values import (
-    MAX_LENGTH,
-    Pose,
-    ScriptFault,
-    Value,
-    described,
-    is_matrix,
-    limited,
-    number,
-    shown,
-    truth,
-    whole,
-)
+from urtwin.urscript import values
 
 
-def _norm(a: Value) -> float:
+def _norm(a: values.Value) -> float:
     if isinstance(a, list):
-        return math.sqrt(sum(number(item) ** 2 for item in cast("list[Any]", a)))
-    return abs(number(a))
+        return math.sqrt(sum(values.number(item) ** 2 for item in cast("list[Any]", a)))
+    return abs(values.number(a))
 
 
-def _normalize(a: Value) -> list[float]:
+def _normalize(a: values.Value) -> list[float]:
     scale = _norm(a)
-    return [number(item) / scale for item in a]
+    return [values.number(item) / scale for item in a]
 
 
-def _length(v: Value) -> int:
+def _length(v: values.Value) -> int:
     if isinstance(v, list | str):
         return len(cast("list[Any]", v))
-    raise ScriptFault("length needs a list or a string")
+    raise values.ScriptFault("length needs a list or a string")
 
 
-def _make_list(length: Value, initial_value: Value, capacity: Value = 0) -> list[Value]:
-    return [initial_value] * whole("length of a list", length, 0, MAX_LENGTH)
+def _make_list(
+    length: values.Value, initial_value: values.Value, capacity: values.Value = 0
+) -> list[values.Value]:
+    return [initial_value] * values.whole("length of a list", length, 0, values.MAX_LENGTH)
 
 
-def _whole(value: Value) -> int:
+def _whole(value: values.Value) -> int:
     if value.__class__ is not int:
-        raise ScriptFault("a whole number expected", value=value)
+        raise values.ScriptFault("a whole number expected", value=value)
     return value
 
 
-def _binary_list_to_integer(l: Value) -> int:  # noqa: E741 - its name in URScript
-    bits = sum(1 << k for k, bit in enumerate(l[:32]) if truth(bit))
+def _binary_list_to_integer(l: values.Value) -> int:  # noqa: E741 - its name in URScript
+    bits = sum(1 << k for k, bit in enumerate(l[:32]) if values.truth(bit))
     return bits - 2**32 if bits >= 2**31 else bits
 
 
-def _text(value: Value) -> str:
+def _text(value: values.Value) -> str:
     if value.__class__ is not str:
-        raise ScriptFault("a string expected", value=value)
+        raise values.ScriptFault("a string expected", value=value)
     return value
 
 
-def _to_num(str: Value) -> Value:
+def _to_num(str: values.Value) -> values.Value:
     text = _text(str).strip()
     return int(text) if text.lstrip("+-").isdigit() and len(text) < 10 else float(text)
 
 
-def _str_at(src: Value, index: Value) -> str:
+def _str_at(src: values.Value, index: values.Value) -> str:
     text = _text(src)
-    return text[whole("no such character", index, 0, len(text) - 1)]
+    return text[values.whole("no such character", index, 0, len(text) - 1)]
 
 
-def _str_find(src: Value, target: Value, start_from: Value = 0) -> int:
+def _str_find(src: values.Value, target: values.Value, start_from: values.Value = 0) -> int:
     return _text(src).find(_text(target), max(_whole(start_from), 0))
 
 
-def _str_sub(src: Value, index: Value, len: Value = -1) -> str:
+def _str_sub(src: values.Value, index: values.Value, len: values.Value = -1) -> str:
     text, place, count = _text(src), _whole(index), _whole(len)
     return text[place:] if count < 0 else text[place : place + count]
 
 
 def _real(function: Any) -> Any:
-    def apply(f: Value) -> float:
-        return function(number(f))
+    def apply(f: values.Value) -> float:
+        return function(values.number(f))
 
     return apply
 
 
 _REAL = "acos asin atan ceil cos floor sin sqrt tan"
-_OF_ONE: dict[str, Callable[[Value], Value]] = {
+_OF_ONE: dict[str, Callable[[values.Value], values.Value]] = {
     **{name: _real(getattr(math, name)) for name in _REAL.split()},
     "d2r": _real(math.radians),
     "r2d": _real(math.degrees),
@@ -107,67 +97,69 @@ _OF_ONE: dict[str, Callable[[Value], Value]] = {
     "str_empty": lambda str: _text(str) == "",
     "str_len": lambda str: len(_text(str)),
     "to_num": _to_num,
-    "to_str": lambda val: limited(shown(val)),
+    "to_str": lambda val: values.limited(values.shown(val)),
 }
-_OF_TWO: dict[str, Callable[[Value, Value], Value]] = {
+_OF_TWO: dict[str, Callable[[values.Value, values.Value], values.Value]] = {
     # Named as in URScript's manual, where the first argument is the ordinate.
-    "atan2": lambda x, y: math.atan2(number(x), number(y)),
-    "log": lambda b, f: math.log(number(f), number(b)),
-    "pow": lambda base, exponent: math.pow(number(base), number(exponent)),
+    "atan2": lambda x, y: math.atan2(values.number(x), values.number(y)),
+    "log": lambda b, f: math.log(values.number(f), values.number(b)),
+    "pow": lambda base, exponent: math.pow(values.number(base), values.number(exponent)),
     "str_at": _str_at,
-    "str_cat": lambda op1, op2: limited(shown(op1) + shown(op2)),
+    "str_cat": lambda op1, op2: values.limited(values.shown(op1) + values.shown(op2)),
 }
 
 
-def matrix_of(pose: Value) -> Array:
+def matrix_of(pose: values.Value) -> Array:
     """(4, 4) the transform of a script's pose; `ScriptFault` if it is none."""
     return to_matrix(numbers(pose, 6, "a pose"))
 
 
-def numbers(value: Value, count: int, what: str) -> list[float]:
+def numbers(value: values.Value, count: int, what: str) -> list[float]:
     """A list of so many numbers; `ScriptFault` if it is none."""
     items = cast("list[Any]", value) if isinstance(value, list) else []
     if len(items) != count:
-        raise ScriptFault(f"{what} of {count} numbers expected", value=described(value))
-    return [float(number(item)) for item in items]
+        raise values.ScriptFault(
+            f"{what} of {count} numbers expected", value=values.described(value)
+        )
+    return [float(values.number(item)) for item in items]
 
 
-def pose_of(matrix: Array) -> Pose:
+def pose_of(matrix: Array) -> values.Pose:
     """The script's pose of a transform (4, 4)."""
-    return Pose(to_pose(matrix))
+    return values.Pose(to_pose(matrix))
 
 
-def _pose_inv(p_from: Value) -> Pose:
+def _pose_inv(p_from: values.Value) -> values.Pose:
     return pose_of(inverse(matrix_of(p_from)))
 
 
-def _pose_add(p_1: Value, p_2: Value) -> Pose:
+def _pose_add(p_1: values.Value, p_2: values.Value) -> values.Pose:
     first, second = matrix_of(p_1), matrix_of(p_2)
     return _apart(first[:3, 3] + second[:3, 3], first[:3, :3] @ second[:3, :3])
 
 
-def _pose_sub(p_to: Value, p_from: Value) -> Pose:
+def _pose_sub(p_to: values.Value, p_from: values.Value) -> values.Pose:
     goal, start = matrix_of(p_to), matrix_of(p_from)
     return _apart(goal[:3, 3] - start[:3, 3], goal[:3, :3] @ start[:3, :3].T)
 
 
-def _point(pose: Value) -> list[float]:
+def _point(pose: values.Value) -> list[float]:
     return numbers(pose, 6, "a pose")[:3]
 
 
-def _interpolate_pose(p_from: Value, p_to: Value, alpha: Value) -> Pose:
-    start, goal, share = matrix_of(p_from), matrix_of(p_to), number(alpha)
+def _interpolate_pose(p_from: values.Value, p_to: values.Value, alpha: values.Value) -> values.Pose:
+    start, goal, share = matrix_of(p_from), matrix_of(p_to), values.number(alpha)
     turn = share * rotation_vector(goal[:3, :3] @ start[:3, :3].T)
     place = start[:3, 3] + share * (goal[:3, 3] - start[:3, 3])
     return _apart(place, rotation_matrix(turn) @ start[:3, :3])
 
 
-def _rpy2rotvec(rpy_vector: Value) -> Value:
+def _rpy2rotvec(rpy_vector: values.Value) -> values.Value:
     turned = from_xyz_rpy((0.0, 0.0, 0.0), numbers(rpy_vector, 3, "angles"))
     return rotation_vector(turned[:3, :3]).tolist()
 
 
-def _rotvec2rpy(rotation_vector: Value) -> Value:
+def _rotvec2rpy(rotation_vector: values.Value) -> values.Value:
     matrix = rotation_matrix(numbers(rotation_vector, 3, "a rotation vector"))
     level = math.hypot(matrix[0, 0], matrix[1, 0])
     if level < 1e-9:
@@ -181,13 +173,13 @@ def _rotvec2rpy(rotation_vector: Value) -> Value:
     ]
 
 
-def _apart(place: Array, rotation: Array) -> Pose:
+def _apart(place: Array, rotation: Array) -> values.Pose:
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation, place
     return pose_of(matrix)
 
 
-_OF_TWO_POSES: dict[str, Callable[[Value, Value], Value]] = {
+_OF_TWO_POSES: dict[str, Callable[[values.Value, values.Value], values.Value]] = {
     "pose_trans": lambda p_from, p_from_to: pose_of(matrix_of(p_from) @ matrix_of(p_from_to)),
     "pose_add": _pose_add,
     "pose_sub": _pose_sub,
@@ -196,28 +188,28 @@ _OF_TWO_POSES: dict[str, Callable[[Value, Value], Value]] = {
 }
 
 
-def _rows(value: Value) -> list[list[Any]]:
-    if not is_matrix(value):
-        raise ScriptFault("a matrix expected", value=described(value))
+def _rows(value: values.Value) -> list[list[Any]]:
+    if not values.is_matrix(value):
+        raise values.ScriptFault("a matrix expected", value=values.described(value))
     return cast("list[list[Any]]", value)
 
 
-def _transpose(m: Value) -> Value:
+def _transpose(m: values.Value) -> values.Value:
     return [list(column) for column in zip(*_rows(m), strict=True)]
 
 
-def _inv(m: Value) -> Value:
-    if isinstance(m, Pose):
+def _inv(m: values.Value) -> values.Value:
+    if isinstance(m, values.Pose):
         return _pose_inv(m)
     rows = _rows(m)
     square = [numbers(row, len(rows), "a row of a square matrix") for row in rows]
     try:
         return np.linalg.inv(np.array(square, dtype=np.float64)).tolist()
     except np.linalg.LinAlgError as error:
-        raise ScriptFault("a singular matrix has no inverse") from error
+        raise values.ScriptFault("a singular matrix has no inverse") from error
 
 
-def _wrench_trans(T_from_to: Value, w_from: Value) -> Value:
+def _wrench_trans(T_from_to: values.Value, w_from: values.Value) -> values.Value:
     """A wrench in another frame: the force turned, the torque about the other origin."""
     frame, wrench = matrix_of(T_from_to), np.array(numbers(w_from, 6, "a wrench"))
     force = frame[:3, :3].T @ wrench[:3]

@@ -9,10 +9,9 @@ from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 from dynid.core import DynidError
-from urtwin.urscript import syntax
+from urtwin.urscript import parser, syntax
 from urtwin.urscript.execution import BACK, ENTERING, LISTENING, Frame, ScriptRun
 from urtwin.urscript.expressions import Combine, Function, Runner, Scope, compose, store
-from urtwin.urscript.parser import parse
 from urtwin.urscript.values import Builtin, ScriptError, ScriptFault, ScriptHalt, Value, truth
 
 _FAULTS = (DynidError, ArithmeticError, TypeError, ValueError, IndexError)
@@ -332,7 +331,7 @@ def compile_script(text: str, builtins: Mapping[str, Builtin]) -> CompiledProgra
     Raises:
         ScriptError: It breaks the grammar, uses unknown names, or is too big.
     """
-    main = parse(text)
+    main = parser.parse(text)
     if not main.body:
         if not main.inner:
             raise ScriptError("the script is empty", 1)
@@ -354,7 +353,7 @@ def compile_addition(text: str, context: Context) -> CompiledProgram:
     Raises:
         ScriptError: They break the grammar, use unknown names, or declare a new global variable.
     """
-    main = parse(text)
+    main = parser.parse(text)
     if not main.body and not main.inner:
         raise ScriptError("the statement is empty", 1)
     for statement in assignments([*main.body, *(part for x in main.inner for part in x.body)]):
