@@ -381,7 +381,7 @@ def test_who_asks_while_another_robot_is_opened_asks_for_the_one_before(
         answers.append(do(page, "judge", opened=opened, q=[0.0] * 6))
         return []
 
-    monkeypatch.setattr("dynid.studio.page.robot_meshes", slow)
+    monkeypatch.setattr("dynid.studio.solids.robot_meshes", slow)
     drop(page, "two.urdf", URDF.encode())
     assert answers[0]["margins"]
     assert do(page, "judge", opened=opened, q=[0.0] * 6) == {}

@@ -310,7 +310,7 @@ def test_meshes_are_not_read_before_a_mistake_is_told(
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("collision geometry was read")
 
-    monkeypatch.setattr("dynid.robot.load.with_collision_geometry", refuse)
+    monkeypatch.setattr("dynid.robot.urdf_bodies.with_collision_geometry", refuse)
     arm, away = Path(__file__).parents[2] / "examples" / "robots" / "tx40.urdf", tmp_path / "a.csv"
     for job in (
         lambda: dynid.identify([], arm),

@@ -12,9 +12,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from dynid import reduction, regressor
 from dynid.core import Array, check_word, read_only
-from dynid.reduction import BaseParametrization
-from dynid.regressor import InverseDynamicModel
 from dynid.robot import RobotModel
 
 SPREAD = 1e-7
@@ -79,7 +78,7 @@ LEAST_SHARE = 0.01
 """No parameter is taken for smaller than this share of the largest with its unit."""
 
 
-def prior_scale(robot: RobotModel, base: BaseParametrization) -> Array:
+def prior_scale(robot: RobotModel, base: reduction.BaseParametrization) -> Array:
     """(b) magnitudes D of the base parameters, in their units.
 
     Where the robot gives masses, a first moment is as large as the mass times the largest of the
@@ -112,7 +111,7 @@ def _inertial(robot: RobotModel) -> Array:
     return out.ravel()
 
 
-def _beside(model: InverseDynamicModel) -> Array:
+def _beside(model: regressor.InverseDynamicModel) -> Array:
     limits = model.robot.limits
     torque = FRICTION_SHARE * limits.torque
     acceleration = np.where(

@@ -10,13 +10,11 @@ from threading import Event
 
 import numpy as np
 
+from dynid import protocol, robot, trajectory
 from dynid.constraints import DISTANCES, Certificate, MotionConstraints, certify
 from dynid.core import Array, InputError, JobError, Progress
 from dynid.drivers import WATCHDOG_HZ, ControllerState, mode_name
 from dynid.experiment.plan import ExperimentPlan
-from dynid.protocol import RobotMode, RuntimeState, SafetyMode
-from dynid.robot import Tool
-from dynid.trajectory import Quintic
 
 SPACING = 0.03
 """Largest joint motion between two looks at a way [rad or m]."""
@@ -257,7 +255,7 @@ def certify_straight(a: Array, b: Array, constraints: MotionConstraints) -> Cert
     """Certify the straight way in joint space from a (n) to b (n), as `movej` takes it."""
     way = float(np.abs(b - a).max())
     travel = max(_PEAK * way / APPROACH_SPEED, 0.1)
-    return certify(Quintic(start=a, goal=b, travel_time=travel), constraints)
+    return certify(trajectory.Quintic(start=a, goal=b, travel_time=travel), constraints)
 
 
 _E_SERIES = 5
@@ -333,18 +331,18 @@ def check_robot(
     plan: ExperimentPlan, state: ControllerState, approach: Approach
 ) -> tuple[PreflightCheck, ...]:
     """Look at a controller before it gets a plan, and at the way from where it stands."""
-    mode = mode_name(RobotMode, state.robot_mode)
-    safety = mode_name(SafetyMode, state.safety_mode)
-    program = mode_name(RuntimeState, state.runtime_state)
+    mode = mode_name(protocol.RobotMode, state.robot_mode)
+    safety = mode_name(protocol.SafetyMode, state.safety_mode)
+    program = mode_name(protocol.RuntimeState, state.runtime_state)
     remote = {None: "it does not say", True: "on", False: "off: switch it on at the pendant"}
     slider, speed = state.speed_fraction, float(np.abs(state.target_qd).max())
     late = state.round_trip_s
     return (
         _model(plan.robot.name, state),
         PreflightCheck("rate", plan.rate_hz == state.rate_hz, f"{state.rate_hz:g} cycles a second"),
-        PreflightCheck("robot mode", state.robot_mode == RobotMode.RUNNING, mode),
-        PreflightCheck("safety mode", state.safety_mode == SafetyMode.NORMAL, safety),
-        PreflightCheck("program", state.runtime_state == RuntimeState.STOPPED, program),
+        PreflightCheck("robot mode", state.robot_mode == protocol.RobotMode.RUNNING, mode),
+        PreflightCheck("safety mode", state.safety_mode == protocol.SafetyMode.NORMAL, safety),
+        PreflightCheck("program", state.runtime_state == protocol.RuntimeState.STOPPED, program),
         PreflightCheck("remote control", state.remote is not False, remote[state.remote]),
         PreflightCheck("speed slider", abs(slider - 1.0) <= _SLIDER, f"{100 * slider:.4g} %"),
         PreflightCheck("at rest", speed <= _STILL, f"{speed:.3g} rad/s"),
@@ -386,7 +384,7 @@ def _model(name: str, state: ControllerState) -> PreflightCheck:
     return PreflightCheck("model", known and fits, f"{finding}, design for {name}")
 
 
-def _payload(asked: Tool, state: ControllerState) -> PreflightCheck:
+def _payload(asked: robot.Tool, state: ControllerState) -> PreflightCheck:
     if state.payload is None:
         said = f"unknown to RTDE; {asked.mass:g} kg are meant to be set"
         return PreflightCheck("payload", True, said)
@@ -401,7 +399,7 @@ def _payload(asked: Tool, state: ControllerState) -> PreflightCheck:
     )
 
 
-def _tool(asked: Tool, state: ControllerState) -> PreflightCheck:
+def _tool(asked: robot.Tool, state: ControllerState) -> PreflightCheck:
     if state.tcp_offset is None:
         said = f"unknown to RTDE; {asked.tcp.tolist()} m is meant to be set"
         return PreflightCheck("tool", True, said)

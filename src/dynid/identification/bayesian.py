@@ -5,12 +5,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from dynid import reduction, regressor
 from dynid.core import Array, Mask, inverse_upper, upper_triangle
 from dynid.identification import least_squares
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
 from dynid.identification.statistics import hac_covariance
-from dynid.reduction import BaseParametrization
-from dynid.regressor import InverseDynamicModel
 from dynid.robot import RobotModel, from_pseudo_inertia, move, to_pseudo_inertia
 
 THICKNESS = 0.1
@@ -138,7 +137,7 @@ def symbol_of(name: str) -> str:
     return name.rstrip("0123456789")
 
 
-def not_negative(model: InverseDynamicModel) -> Mask:
+def not_negative(model: regressor.InverseDynamicModel) -> Mask:
     """(p) whether each standard parameter only takes energy away or stores it."""
     return np.array([symbol_of(name) in NOT_NEGATIVE for name in model.names])
 
@@ -211,7 +210,7 @@ class PublishedPrior:
         return self.root.T @ self.root
 
 
-def published_prior(base: BaseParametrization) -> PublishedPrior:
+def published_prior(base: reduction.BaseParametrization) -> PublishedPrior:
     """The prior of a model's base parameters."""
     model = base.model
     given = inertial_prior(model.robot, model.frames)
@@ -346,7 +345,7 @@ def likely_scale(factors: Array, weights: Array, mean: Array, root: Array) -> fl
 def posterior(
     factors: Array,
     weights: Array,
-    base: BaseParametrization,
+    base: reduction.BaseParametrization,
     mean: Array,
     root: Array,
     prior_gain: float | None = None,

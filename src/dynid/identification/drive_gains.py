@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 
 from dynid import core
-from dynid.identification.least_squares import solve_rows
+from dynid.identification import least_squares, statistics
 from dynid.identification.shared import PAYLOAD, SINGULAR, SharedProblem, shared_sandwich
-from dynid.identification.statistics import correlation_lag, long_run_covariance
 
 WIDTH = 0.01
 """Speed over which the controller's dry friction changes sign [rad/s]."""
@@ -126,9 +125,9 @@ def _joint(columns: core.Array, current: core.Array, rate_hz: float) -> tuple[co
     if moved < np.linalg.norm(residual):
         return nothing, "the effect of its moment on the current is below the residual"
     scores = scaled.T * residual
-    lag = correlation_lag(residual[None], rate_hz) if residual.any() else 1
+    lag = statistics.correlation_lag(residual[None], rate_hz) if residual.any() else 1
     bread = inverse @ inverse.T
-    covariance = bread @ long_run_covariance(scores, lag) @ bread
+    covariance = bread @ statistics.long_run_covariance(scores, lag) @ bread
     friction = solution[:2] / norms[1:]
     per_moment = solution[2] / norms[0]
     relative = float(np.sqrt(max(covariance[2, 2], 0.0)) / abs(solution[2]))
@@ -331,7 +330,7 @@ def _values(
     columns, fixed, current = data
     rows = np.concatenate([columns, (current * gain[:, None] - fixed)[..., None]], axis=3)
     rows = rows / (noise * gain)[:, :, None, None]
-    return solve_rows(rows.reshape(-1, rows.shape[-1]), SINGULAR)[0]
+    return least_squares.solve_rows(rows.reshape(-1, rows.shape[-1]), SINGULAR)[0]
 
 
 def _solved_with_gains(
@@ -344,7 +343,7 @@ def _solved_with_gains(
         rows[:, j, :, j] = own[:, j]
     rows[..., joints:-1], rows[..., -1] = columns, target
     weighted = rows / noise[:, :, None, None]
-    return solve_rows(weighted.reshape(-1, joints + size + 1), SINGULAR)
+    return least_squares.solve_rows(weighted.reshape(-1, joints + size + 1), SINGULAR)
 
 
 def _covariance(

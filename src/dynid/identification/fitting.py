@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from dynid import recording, regressor
 from dynid.core import Array, Finding, Indices, Provenance
 from dynid.identification import bayesian, instrumental, least_squares, physical, statistics
 from dynid.identification.estimate import Estimate, StandardParameters
@@ -19,13 +20,10 @@ from dynid.identification.problem import (
     observation_root,
     scaled_condition_number,
 )
-from dynid.identification.selection.assessment import LeftOutCells, assess
+from dynid.identification.selection import assessment, unseen
 from dynid.identification.selection.regions import BLOCKS, find_regions
-from dynid.identification.selection.unseen import MotionRange
 from dynid.identification.sums import PassPlan, RowSums, no_sums
-from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model
-from dynid.regressor import InverseDynamicModel
 from dynid.signals import ProcessingSettings, Samples, uniform_signals
 
 SMALL_RANGE = {False: 0.1, True: 0.02}
@@ -201,7 +199,7 @@ def estimator_of(word: str, prior_gain: float | None = None) -> least_squares.Es
 class EstimateSource:
     """What an estimate is made of."""
 
-    records: Sequence[ExperimentRecord]
+    records: Sequence[recording.ExperimentRecord]
     """Recordings whose motions are judged for conditioning."""
     settings: ProcessingSettings
     """How they were processed."""
@@ -217,7 +215,7 @@ class EstimateSource:
 class PreparedFit:
     """Samples, and what they are to be fitted with."""
 
-    model: InverseDynamicModel
+    model: regressor.InverseDynamicModel
     """Its base parameters are found by the fit."""
     samples: Samples
     """Samples of one or more records."""
@@ -261,10 +259,10 @@ class AllRows:
         return np.asarray((products - total**2) / energy, dtype=np.float64)
 
     @property
-    def cells(self) -> LeftOutCells:
+    def cells(self) -> assessment.LeftOutCells:
         """What is left out."""
         blocks, keys = self.sums.blocks()
-        return LeftOutCells(blocks=blocks, keys=keys, parts=self.parts)
+        return assessment.LeftOutCells(blocks=blocks, keys=keys, parts=self.parts)
 
     def covariance(self, fit: least_squares.Fit) -> Array:
         """(r, r) covariance of a fit to all rows.
@@ -357,7 +355,7 @@ def fit_estimate(prepared: PreparedFit, everything: AllRows | None = None) -> Es
         motion=_motion_range(samples, sums),
         residual_autocorrelation=rho,
         standard=standard,
-        assessment=assess(
+        assessment=assessment.assess(
             part, fit, near_weights=prepared.near_weights, lengths=prepared.lengths, cells=cells
         ),
     )
@@ -421,9 +419,9 @@ def _standard(
     return standard, (mapping @ spread) @ (mapping @ spread).T
 
 
-def _motion_range(samples: Samples, sums: RowSums | None = None) -> MotionRange:
+def _motion_range(samples: Samples, sums: RowSums | None = None) -> unseen.MotionRange:
     """What samples cover, or all rows that they are a part of."""
-    return MotionRange(
+    return unseen.MotionRange(
         lower=samples.q.min(axis=0) if sums is None else sums.lower,
         upper=samples.q.max(axis=0) if sums is None else sums.upper,
         speed=np.abs(samples.dq).max(axis=0) if sums is None else sums.speed,

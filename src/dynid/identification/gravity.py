@@ -11,14 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dynid import reduction, regressor, signals
 from dynid.core import Array, Finding, InputError, Mask, Value, freeze, frozen, table, told
 from dynid.identification import bayesian, least_squares
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
 from dynid.recording import ExperimentRecord, RecordLike, are_poses, open_record
-from dynid.reduction import BaseParametrization, reduce_model
-from dynid.regressor import InverseDynamicModel
 from dynid.robot import RobotLike, RobotModel, load_robot, with_carried
-from dynid.signals import Samples, measured_torque
 
 STILL_HZ = 1.0
 """Rate and cut-off that samples without time are given."""
@@ -45,7 +43,7 @@ class GravityEstimate(Value):
         InputError: Shapes that disagree.
     """
 
-    base: BaseParametrization
+    base: reduction.BaseParametrization
     """The model without motion: its base parameters are those of gravity."""
     values: Array
     """(r) base parameters."""
@@ -141,7 +139,7 @@ def identify_gravity(record: RecordLike, robot: RobotLike, *, frames: str = "") 
     """
     robot = with_carried(load_robot(robot, collision=False))
     record = open_record(record, robot)
-    torque, q = measured_torque(record, robot), record.signals["q"]
+    torque, q = signals.measured_torque(record, robot), record.signals["q"]
     if not are_poses(q):
         q, torque = _stops(record, torque)
     return gravity_of(robot, q, torque, frames=frames)
@@ -185,10 +183,10 @@ def gravity_of(robot: RobotModel, q: Array, torque: Array, *, frames: str = "") 
     Raises:
         InputError: Too few poses, or shapes that do not fit.
     """
-    model = InverseDynamicModel(robot=robot, frames=frames)
-    base = reduce_model(model, static=True)
+    model = regressor.InverseDynamicModel(robot=robot, frames=frames)
+    base = reduction.reduce_model(model, static=True)
     still = np.zeros_like(q)
-    samples = Samples(
+    samples = signals.Samples(
         t=np.arange(len(q)) / STILL_HZ, q=q, dq=still, ddq=still, tau=torque,
         rate_hz=STILL_HZ, cutoff_hz=STILL_HZ,
     )  # fmt: skip

@@ -5,13 +5,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from dynid.core import Finding, RecordError, printable
-from dynid.recording.cells import factors_of, taken_as_it_is
+from dynid.recording import cells, record
 from dynid.recording.headers import Family, Match, match_headers, require_one_order
 from dynid.recording.names import parse_name
-from dynid.recording.record import JOINT_QUANTITIES
 from dynid.recording.table import Clock
 
-QUANTITIES = ("t", *JOINT_QUANTITIES)
+QUANTITIES = ("t", *record.JOINT_QUANTITIES)
 _RANGE = re.compile(r"(\d{1,6}):(\d{1,6})")
 _EXAMPLE = (
     "Write it like t=0,q=1:7,qd=7:13,current=13:19 (six joints; from 0, ranges exclude their end)."
@@ -154,9 +153,9 @@ def assign(
     for quantity, numbers in mapping.items():
         family = Family(members=[(parse_name(names[k]), k) for k in numbers])
         units = [family.unit_of(k) for k in numbers]
-        factors[quantity], unknown = factors_of(quantity, units)
+        factors[quantity], unknown = cells.factors_of(quantity, units)
         if unknown is not None:
-            notices.append(taken_as_it_is(quantity, names[numbers[0]], units[unknown]))
+            notices.append(cells.taken_as_it_is(quantity, names[numbers[0]], units[unknown]))
         if all(units):
             said.add(quantity)
     return Match(

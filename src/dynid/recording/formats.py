@@ -10,9 +10,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from dynid.core import RecordError, require
-from dynid.recording.content import Budget, first_bytes, refused, zstd_module
-from dynid.recording.dialect import looks_like_text
-from dynid.recording.store import MARK, is_own
+from dynid.recording import content, dialect, store
 
 _MARKS = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ\x00": "xz", b"\x28\xb5\x2f\xfd": "zstd"}
 _COMPRESSED = (".gz", ".bz2", ".xz", ".zst", ".zstd", ".zip")
@@ -28,7 +26,7 @@ def recording_name(path: str | Path) -> str:
 
 def _packing(path: Path) -> str:
     """How a file is packed: gzip, bzip2, xz, zstd, zip or workbook; empty for not at all."""
-    head = first_bytes(path, 1 << 12)
+    head = content.first_bytes(path, 1 << 12)
     for mark, kind in _MARKS.items():
         if head.startswith(mark):
             return kind
@@ -43,7 +41,7 @@ def _packing(path: Path) -> str:
 
 
 @contextmanager
-def unpacked(files: Sequence[Path], budget: Budget) -> Generator[list[Path]]:
+def unpacked(files: Sequence[Path], budget: content.Budget) -> Generator[list[Path]]:
     """The files, each compressed one in place of which its content stands for a while.
 
     Raises:
@@ -72,7 +70,7 @@ def _unpack(file: Path, kind: str, target: Path, room: int) -> None:
         return
     step = "Copy it again, or unpack what is left of it and import that."
     with (
-        refused(f"the {kind} file is damaged", step),
+        content.refused(f"the {kind} file is damaged", step),
         _opened(file, kind) as source,
         target.open("wb") as sink,
     ):
@@ -103,7 +101,7 @@ def _write_sheet(path: Path, target: Path) -> None:
         MissingExtraError: Without the `excel` extra.
     """
     library = require("python_calamine", "excel")
-    with refused("the workbook is damaged", _AS_CSV):
+    with content.refused("the workbook is damaged", _AS_CSV):
         book = library.CalamineWorkbook.from_path(str(path))
         names: list[str] = book.sheet_names
         full = [sheet for sheet in map(book.get_sheet_by_name, names) if _has_numbers(sheet)]
@@ -148,7 +146,7 @@ _ENCRYPTED = 1
 
 def _opened(file: Path, kind: str) -> IO[bytes]:
     if kind == "zstd":
-        return zstd_module().open(file, "rb")
+        return content.zstd_module().open(file, "rb")
     if kind != "zip":
         return require({"gzip": "gzip", "bzip2": "bz2", "xz": "lzma"}[kind]).open(file)
     archive = zipfile.ZipFile(file)
@@ -189,7 +187,7 @@ PACKED = "packed"
 """What `content_kind` calls a compressed file."""
 _DETECT_MARKS: tuple[tuple[bytes, str], ...] = (
     (b"PAR1", "parquet"),
-    (MARK, "parquet"),
+    (store.MARK, "parquet"),
     (b"SQLite format 3\x00", "rosbag"),
     (b"\x89MCAP0\r\n", "mcap"),
     (b"MATLAB 5.0 MAT", "mat"),
@@ -218,7 +216,7 @@ def content_kind(path: Path) -> str:
     Raises:
         RecordError: It cannot be read, or is none of the formats.
     """
-    head = first_bytes(path, 1 << 16)
+    head = content.first_bytes(path, 1 << 16)
     if _packing(path):
         return PACKED
     if b"\x89HDF" in (head[:4], head[512:516]):
@@ -226,7 +224,7 @@ def content_kind(path: Path) -> str:
         return "hdf5"
     for mark, kind in _DETECT_MARKS:
         if head.startswith(mark):
-            return "arrow" if kind == "parquet" and not is_own(path) else kind
+            return "arrow" if kind == "parquet" and not store.is_own(path) else kind
     if head[124:128] in (b"\x00\x01IM", b"\x01\x00MI"):
         return "mat"
     for mark, what, hint in _OTHERS:
@@ -242,7 +240,7 @@ def content_kind(path: Path) -> str:
     if path.suffix.lower() in (".pkl", ".pickle"):
         # The oldest pickles have no mark of their own.
         raise RecordError("this is a Python pickle", where=path.name, next_step=_PICKLE)
-    if looks_like_text(head):
+    if dialect.looks_like_text(head):
         start = b"".join(head.removeprefix(b"\xef\xbb\xbf")[:200].split())
         return "json" if start.startswith((b"{", b"[{", b"[[")) else "csv"
     raise RecordError(

@@ -18,9 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynid.core import Array, require
-from dynid.recording.bagfiles import Topic
-from dynid.recording.cells import is_unit
-from dynid.recording.content import ZSTD_MAGIC, inflate
+from dynid.recording import bagfiles, cells, content
 
 _LONGEST_DEFINITION = 1 << 18
 _MOST_KEPT = 200
@@ -72,7 +70,7 @@ class Decoded:
 
 def _named(path: str, joint: str) -> str:
     """The name of a joint's number; joints may be called as units, as `a` and `c` of a gantry."""
-    return f"{path}['{joint}']" if is_unit(joint) else f"{path}[{joint}]"
+    return f"{path}['{joint}']" if cells.is_unit(joint) else f"{path}[{joint}]"
 
 
 def _joints_beside(texts: Mapping[str, tuple[str, ...]], scope: str, size: int) -> tuple[str, ...]:
@@ -96,7 +94,7 @@ class MessageDecoder:
         MissingExtraError: Without the `ros` extra.
     """
 
-    def __init__(self, topic: Topic) -> None:
+    def __init__(self, topic: bagfiles.Topic) -> None:
         self._ros1 = topic.encoding == "ros1"
         parts = topic.kind.split("/")
         self._kind = f"{parts[0]}/msg/{parts[-1]}"
@@ -120,8 +118,8 @@ class MessageDecoder:
         """
         decode = self._store.deserialize_ros1 if self._ros1 else self._store.deserialize_cdr
         try:
-            if data.startswith(ZSTD_MAGIC):
-                data = inflate(data, "zstd")
+            if data.startswith(content.ZSTD_MAGIC):
+                data = content.inflate(data, "zstd")
             return decode(data, self._kind)
         except (
             *(ValueError, struct.error, IndexError, AssertionError, OverflowError, TypeError),
@@ -161,7 +159,7 @@ def _store(ros1: bool) -> Any:
     return typesys.get_typestore(stores.ROS1_NOETIC if ros1 else stores.ROS2_HUMBLE)
 
 
-def _own_store(topic: Topic, kind: str, ros1: bool) -> Any:
+def _own_store(topic: bagfiles.Topic, kind: str, ros1: bool) -> Any:
     """The types that a topic's definition gives, and those of ROS that it leaves out."""
     if len(topic.definition) > _LONGEST_DEFINITION:
         raise MessageError("the definition is too long")

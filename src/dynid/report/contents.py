@@ -3,10 +3,8 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from dynid import diagnosis, identification, reduction
 from dynid.core import Array, Finding, MotionBounds, printable
-from dynid.diagnosis import Verdict
-from dynid.identification import Estimate, StandardParameters
-from dynid.reduction import BaseParametrization
 from dynid.robot import RobotModel
 from dynid.trajectory import Trajectory
 from dynid.validation import (
@@ -44,14 +42,14 @@ class ReportedEstimate:
 
     name: str
     """Its file's name."""
-    estimate: Estimate
+    estimate: identification.Estimate
     label: str = ""
     """What the report calls it, such as `cold, preset best`."""
-    verdict: Verdict | None = None
+    verdict: diagnosis.Verdict | None = None
     """None without any recording to judge it by."""
     warnings: tuple[Finding, ...] = ()
-    base: BaseParametrization | None = None
-    links: StandardParameters | None = None
+    base: reduction.BaseParametrization | None = None
+    links: identification.StandardParameters | None = None
     """Masses and inertias of the links, with how much of them is data."""
     training: ValidationResult | None = None
     """Prediction of its own record, where that is at hand."""

@@ -10,15 +10,10 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from dynid.core import JsonFields, RobotError, like_named, plain, printable
-from dynid.robot.body import Body
-from dynid.robot.kinematics import with_mount
+from dynid.robot import body, kinematics, robotfile, tables, urdf, urdf_bodies
 from dynid.robot.model import RobotModel
 from dynid.robot.robotfile import MAX_BYTES as MAX_TOML
-from dynid.robot.robotfile import builtin_file, builtin_names, robot_from_toml
-from dynid.robot.tables import is_there, read_limited, shown_path
 from dynid.robot.urdf import MAX_BYTES as MAX_URDF
-from dynid.robot.urdf import robot_from_urdf
-from dynid.robot.urdf_bodies import with_collision_geometry
 
 _CALIBRATED = 3e-3
 """Placements of one arm and its factory calibration differ by less [m]."""
@@ -37,7 +32,7 @@ class BuiltinRobot(NamedTuple):
 
 def robots() -> list[BuiltinRobot]:
     """The built-in robots, by name."""
-    found = [load_robot(name) for name in builtin_names()]
+    found = [load_robot(name) for name in robotfile.builtin_names()]
     return [BuiltinRobot(robot.name, robot.joints, robot.source) for robot in found]
 
 
@@ -73,12 +68,12 @@ def load_robot(
         robot = name_or_path
     else:
         robot = _load(name_or_path, collision, mesh_dirs)
-    return robot if mount is None else with_mount(robot, mount)
+    return robot if mount is None else kinematics.with_mount(robot, mount)
 
 
 def _load(name_or_path: str | Path, collision: bool, mesh_dirs: Sequence[Path] = ()) -> RobotModel:
     text = str(name_or_path)
-    if text.lower() in builtin_names():
+    if text.lower() in robotfile.builtin_names():
         return _built_in(text.lower())
     path = Path(os.path.expanduser(text))
     return replace(
@@ -87,8 +82,8 @@ def _load(name_or_path: str | Path, collision: bool, mesh_dirs: Sequence[Path] =
 
 
 def _of_file(path: Path, text: str, collision: bool, mesh_dirs: Sequence[Path]) -> RobotModel:
-    if not text.strip() or not is_there(path):
-        names = builtin_names()
+    if not text.strip() or not tables.is_there(path):
+        names = robotfile.builtin_names()
         looks_like_path = "/" in text or path.suffix.lower() in (".urdf", ".toml", ".xml")
         raise RobotError(
             "no such file" if looks_like_path else "neither a built-in robot nor a file",
@@ -97,24 +92,24 @@ def _of_file(path: Path, text: str, collision: bool, mesh_dirs: Sequence[Path]) 
             limit=f"{', '.join(names)}, or a URDF or robot file",
             next_step=like_named(path, *names),
         )
-    data = read_limited(path, MAX_URDF)
+    data = tables.read_limited(path, MAX_URDF)
     if data.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] == b"<" or path.suffix.lower() == ".urdf":
-        robot = robot_from_urdf(data, where=shown_path(path), file=path)
+        robot = urdf.robot_from_urdf(data, where=tables.shown_path(path), file=path)
         known = ~np.isnan(robot.inertias)
         if not collision and not (known[:, 0] & ~known.all(axis=1)).any():
             return robot
-        return with_collision_geometry(robot, path, mesh_dirs=mesh_dirs)
+        return urdf_bodies.with_collision_geometry(robot, path, mesh_dirs=mesh_dirs)
     if len(data) > MAX_TOML:
         raise RobotError(
-            "the file is too large for a robot file", where=shown_path(path), limit=MAX_TOML
+            "the file is too large for a robot file", where=tables.shown_path(path), limit=MAX_TOML
         )
-    return robot_from_toml(data, path, collision=collision, mesh_dirs=mesh_dirs)
+    return robotfile.robot_from_toml(data, path, collision=collision, mesh_dirs=mesh_dirs)
 
 
 @cache
 def _built_in(name: str) -> RobotModel:
     """Read once: robots cannot be changed, and reading takes as long as all else of a command."""
-    return robot_from_toml(builtin_file(name), Path(f"{name}.toml"))
+    return robotfile.robot_from_toml(robotfile.builtin_file(name), Path(f"{name}.toml"))
 
 
 def robot_to_json(robot: RobotModel) -> dict[str, Any]:
@@ -142,7 +137,7 @@ def robot_from_json(data: Mapping[str, Any]) -> RobotModel:
         ) from error
 
 
-def _bodies(data: Mapping[str, Any]) -> tuple[Body, ...]:
+def _bodies(data: Mapping[str, Any]) -> tuple[body.Body, ...]:
     """The collision bodies of a stored robot.
 
     Those of a built-in arm that release 0.1 stored were capsules that nothing had checked:
@@ -150,8 +145,8 @@ def _bodies(data: Mapping[str, Any]) -> tuple[Body, ...]:
     """
     stored = JsonFields(data, "robot.")
     if "bodies" in data:
-        return tuple(item.made(Body) for item in stored.objects("bodies"))
-    if data["name"] in builtin_names():
+        return tuple(item.made(body.Body) for item in stored.objects("bodies"))
+    if data["name"] in robotfile.builtin_names():
         today = _load(str(data["name"]), collision=False)
         there = np.array(data["placements"])
         if there.shape == today.placements.shape and np.allclose(
@@ -159,6 +154,6 @@ def _bodies(data: Mapping[str, Any]) -> tuple[Body, ...]:
         ):
             return today.bodies
     return tuple(
-        item.made(Body, points=np.array([item.vector("start"), item.vector("end")]))
+        item.made(body.Body, points=np.array([item.vector("start"), item.vector("end")]))
         for item in stored.objects("capsules")
     )

@@ -19,8 +19,7 @@ from dynid.core import (
     frozen,
     read_only,
 )
-from dynid.robot.body import Body
-from dynid.robot.transforms import from_body, require_rigid
+from dynid.robot import body, transforms
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -285,7 +284,7 @@ class RobotModel(Value):
     """(4, 4) the chain's end (tool flange) in the last joint frame [m]."""
     counterbalances: tuple[Counterbalance, ...] = ()
     """Springs and cylinders whose torque is known."""
-    bodies: tuple[Body, ...] = field(default=(), repr=False)
+    bodies: tuple[body.Body, ...] = field(default=(), repr=False)
     """Collision bodies."""
     body_notes: tuple[str, ...] = ()
     """Notes on the bodies for the certificate of collisions."""
@@ -328,7 +327,7 @@ class RobotModel(Value):
             raise RobotError("joint axes must have unit length", where=self.name)
         # All at once: a robot file makes a robot a table, and each is checked.
         poses = (self.placements, self.flange[None], *frames.values())
-        require_rigid(np.concatenate(poses), self.name)
+        transforms.require_rigid(np.concatenate(poses), self.name)
         for name, length in (("limits", len(self.limits.lower)), ("drives", len(self.drives.gain))):
             if length != n:
                 raise RobotError(f"{name} for every joint", where=self.name, value=length, limit=n)
@@ -391,7 +390,7 @@ def joints_by_kind(prismatic: Sequence[bool]) -> dict[str, Mask]:
 def carried(robot: RobotModel) -> Array:
     """(10) inertial parameters of the mass at the flange, a point, in the last joint's frame."""
     place = robot.flange[:3, :3] @ robot.tool.com + robot.flange[:3, 3]
-    return from_body(robot.tool.mass, place, np.zeros((3, 3)))
+    return transforms.from_body(robot.tool.mass, place, np.zeros((3, 3)))
 
 
 def with_carried(robot: RobotModel) -> RobotModel:

@@ -11,9 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from dynid.core import Array, RobotError, printable
-from dynid.robot.kinematics import robot_from_chain
-from dynid.robot.model import JointLimits, RobotModel
-from dynid.robot.tables import located, read_limited, shown_path
+from dynid.robot import kinematics, model, tables
 from dynid.robot.transforms import is_physical, joint_motion, move, to_pseudo_inertia
 from dynid.robot.urdf_xml import MOVING, UrdfJoint, UrdfTree, parse_urdf
 
@@ -275,7 +273,7 @@ def robot_from_urdf(
     file: Path | None = None,
     tip: str | None = None,
     locked: Mapping[str, float] | None = None,
-) -> RobotModel:
+) -> model.RobotModel:
     """A robot from URDF text, standing on the floor with its root link as the base.
 
     Fixed and frozen joints are merged into the links. Meshes, Gazebo and transmission tags are
@@ -306,8 +304,8 @@ def robot_from_urdf(
             f"what they carry would be wrong: {told} ([locked] in a robot file takes them as fixed)"
         )
     placements = np.array([poses[joint.parent] @ joint.origin for joint in joints])
-    with located(where):
-        robot = robot_from_chain(
+    with tables.located(where):
+        robot = kinematics.robot_from_chain(
             name=tree.name or printable(file.stem if file else "robot"),
             joint_names=trunk.joints,
             joint_types=["prismatic" if j.kind == "prismatic" else "revolute" for j in joints],
@@ -318,7 +316,7 @@ def robot_from_urdf(
         )
         lower, upper, velocity, effort = np.array([joint.limits for joint in joints]).T
         unknown = np.full(len(joints), np.nan)
-        limits = JointLimits(
+        limits = model.JointLimits(
             lower=lower, upper=upper, velocity=velocity, acceleration=unknown, torque=effort
         )
         return replace(
@@ -347,15 +345,15 @@ class UrdfLink:
     """(10) parameters about the link's own frame; None where the file gives none."""
 
 
-def urdf_links(robot: RobotModel, file: Path) -> list[UrdfLink]:
+def urdf_links(robot: model.RobotModel, file: Path) -> list[UrdfLink]:
     """All links of a robot's URDF, parents before children.
 
     Raises:
         RobotError: The file cannot be read, is not a sound URDF, or is of an arm with other joints
             or lengths.
     """
-    where = shown_path(file)
-    tree = parse_urdf(read_limited(file, MAX_BYTES), where)
+    where = tables.shown_path(file)
+    tree = parse_urdf(tables.read_limited(file, MAX_BYTES), where)
     lost = [name for name in robot.joint_names if name not in tree.joints]
     if lost:
         raise RobotError(

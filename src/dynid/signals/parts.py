@@ -14,7 +14,7 @@ import numpy as np
 from dynid.core import Array, InputError
 from dynid.recording import AnyRecording, ExperimentRecord
 from dynid.robot import RobotModel
-from dynid.signals.filters import SETTLED, without_noise
+from dynid.signals import filters, resample
 from dynid.signals.process import (
     ProcessingSettings,
     Samples,
@@ -29,7 +29,6 @@ from dynid.signals.process import (
     unsettled,
     used_rows,
 )
-from dynid.signals.resample import StreamGrid, linear, window
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +45,7 @@ class LongSignals:
     robot: RobotModel
     settings: ProcessingSettings
     """With a cut-off; without a period; data are thinned."""
-    grid: StreamGrid
+    grid: resample.StreamGrid
     encoder_noise: Array | None
     """(n) see `Samples`."""
     runs: tuple[tuple[int, int], ...] = field(init=False)
@@ -91,7 +90,7 @@ class LongSignals:
         Raises:
             InputError: A recording without the torques or velocities that are needed.
         """
-        beside = int(np.ceil(SETTLED * self.grid.rate_hz / self.cutoff_hz))
+        beside = int(np.ceil(filters.SETTLED * self.grid.rate_hz / self.cutoff_hz))
         beside += unsettled(self.grid.rate_hz, self.settings, self.cutoff_hz)
         pieces: list[list[Array]] = []
         for near in _together(self._points(first, last), 4 * beside):
@@ -100,7 +99,7 @@ class LongSignals:
             signals = signals_at(self.recording, self.robot, self.settings, self.grid, *ends)
             motion = filtered_motion(signals, self.settings, self.cutoff_hz)
             noise = self.encoder_noise
-            held = signals.q if noise is None else without_noise(signals.q, noise)
+            held = signals.q if noise is None else filters.without_noise(signals.q, noise)
             torque = delayed(signals.torque, signals.rate_hz, self.settings.delays_s)
             kept = np.concatenate([np.arange(a, b) for a, b in near]) - max(low, 0)
             pieces.append([values[kept] for values in (signals.t, *motion, held, torque)])
@@ -156,7 +155,7 @@ def samples_at_stamps(
     """
     signals = uniform_signals(record, robot, settings)
     samples = samples_from(signals, replace(settings, delays_s=None), trim=False)
-    part = window(record.t, settings.start_s, settings.stop_s)
+    part = resample.window(record.t, settings.start_s, settings.stop_s)
     stamps, torque = record.t[part], measured_torque(record, robot)[part]
     t: Array = stamps - float(stamps[0])
     after = np.clip(np.searchsorted(samples.t, t), 1, samples.count - 1)
@@ -165,7 +164,7 @@ def samples_at_stamps(
     inside &= samples.t[after] - samples.t[after - 1] < 1.5 / signals.rate_hz
     kept = t[inside]
     motion = (samples.q, samples.dq, samples.ddq, samples.friction_q)
-    q, dq, ddq, unfiltered_q = (linear(samples.t, x, kept) for x in motion)
+    q, dq, ddq, unfiltered_q = (resample.linear(samples.t, x, kept) for x in motion)
     samples = replace(
         samples, t=kept, q=q, dq=dq, ddq=ddq, tau=torque[inside], unfiltered_q=unfiltered_q,
         block=1, noise=None, changed=None,

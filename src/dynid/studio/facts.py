@@ -13,20 +13,14 @@ from typing import Any
 
 import numpy as np
 
+from dynid import export, figures, identification, recording, report, workflow
 from dynid.constraints import DISTANCES, HALF_SPACE, RATIOS, Worst, prior_dynamics
 from dynid.core import Array, Indices, InputError, plain, printable
-from dynid.export import roll_pitch_yaw
-from dynid.figures import joint_unit, units
-from dynid.identification import CONFIDENCE
-from dynid.recording import ExperimentRecord
-from dynid.report import ReportedEstimate, joint_labels
 from dynid.robot import RobotModel
 from dynid.signals import measured_torque
-from dynid.studio.jobs import LEVELS
-from dynid.studio.scene_editing import Near, SceneEditor
+from dynid.studio import jobs, scene_editing
 from dynid.studio.session import Session
 from dynid.studio.solids import LinkMesh, arm_meshes, reach, shaded, shape_mesh
-from dynid.workflow import report
 
 MOST_SAMPLES = 4000
 """Of a curve."""
@@ -74,7 +68,7 @@ def robot(
     widest = np.where(model.prismatic, 2.0, 2 * np.pi)
     return {
         "name": printable(model.name),
-        "joints": list(joint_labels(model.joint_names)),
+        "joints": list(report.joint_labels(model.joint_names)),
         "prismatic": [bool(slides) for slides in model.prismatic],
         "lower": np.where(np.isfinite(low), low, -widest).tolist(),
         "upper": np.where(np.isfinite(high), high, widest).tolist(),
@@ -97,7 +91,7 @@ def _mesh(item: LinkMesh) -> dict[str, Any]:
     }
 
 
-def scene_shapes(editor: SceneEditor) -> dict[str, Any]:
+def scene_shapes(editor: scene_editing.SceneEditor) -> dict[str, Any]:
     """The shapes of the scene, where they are and how large."""
     shapes: list[dict[str, Any]] = []
     for number, item in editor.items.items():
@@ -109,7 +103,7 @@ def scene_shapes(editor: SceneEditor) -> dict[str, Any]:
                 "kind": item["type"],
                 "label": printable(editor.label(number), 40),
                 "position": np.round(held[:3, 3], 4).tolist(),
-                "rpy_deg": np.round(np.degrees(roll_pitch_yaw(held[:3, :3])), 2).tolist(),
+                "rpy_deg": np.round(np.degrees(export.roll_pitch_yaw(held[:3, :3])), 2).tolist(),
                 "sizes": editor.sizes(number),
                 "pose": shape.pose.reshape(16).tolist(),
                 "endless": shape.kind == HALF_SPACE,
@@ -120,7 +114,7 @@ def scene_shapes(editor: SceneEditor) -> dict[str, Any]:
 
 
 def instant_facts(
-    worst: Mapping[str, Worst], near: Sequence[Near], sliding: Collection[str] = ()
+    worst: Mapping[str, Worst], near: Sequence[scene_editing.Near], sliding: Collection[str] = ()
 ) -> dict[str, Any]:
     """Limits and nearest bodies at one instant; `sliding` joints by name."""
     return {
@@ -170,7 +164,7 @@ def margins(worst: Mapping[str, Worst], sliding: Collection[str] = ()) -> list[d
             {
                 "kind": kind,
                 "name": name,
-                "unit": joint_unit(unit, [item.what in sliding]),
+                "unit": figures.joint_unit(unit, [item.what in sliding]),
                 "what": printable(item.what.replace("_joint", "").replace("_", " "), 44),
                 "used": min(used, 9.99),
                 "allowed": allowed,
@@ -231,7 +225,7 @@ def _expected(model: RobotModel, q: Array, dq: Array, ddq: Array) -> Array | Non
     return prior.torque(q, dq, ddq) + prior.coulomb * np.tanh(dq / 0.02)
 
 
-def _recorded(record: ExperimentRecord, model: RobotModel) -> dict[str, Any]:
+def _recorded(record: recording.ExperimentRecord, model: RobotModel) -> dict[str, Any]:
     signals = _signals(record, model)
     names = [name for name in RECORDED if name in signals]
     t, q, *rows = thinned(record.t - record.t[0], signals["q"], *(signals[name] for name in names))
@@ -239,7 +233,7 @@ def _recorded(record: ExperimentRecord, model: RobotModel) -> dict[str, Any]:
     return {"duration": float(t[-1]), "t": encoded(t), "q": encoded(q), "groups": groups}
 
 
-def _signals(record: ExperimentRecord, model: RobotModel) -> dict[str, Array]:
+def _signals(record: recording.ExperimentRecord, model: RobotModel) -> dict[str, Array]:
     """What was measured, and torques from currents where the drives' gains are known."""
     found = dict(record.signals)
     with suppress(InputError):
@@ -247,7 +241,7 @@ def _signals(record: ExperimentRecord, model: RobotModel) -> dict[str, Array]:
     return found
 
 
-def tail_facts(record: ExperimentRecord, model: RobotModel) -> dict[str, Any]:
+def tail_facts(record: recording.ExperimentRecord, model: RobotModel) -> dict[str, Any]:
     """The last seconds of a run, thinned to what a small plot can show, the newest sample kept."""
     t: Array = record.t - record.t[0]
     signals = _signals(record, model)
@@ -276,7 +270,7 @@ def thinned(t: Array, *rows: Array) -> tuple[Array, ...]:
 def _group(kind: str, model: RobotModel, name: str, values: Array) -> dict[str, Any]:
     """A plot with a curve for each joint."""
     title, unit = (KINDS | RECORDED)[kind]
-    shown = joint_unit(unit, model.prismatic)
+    shown = figures.joint_unit(unit, model.prismatic)
     return {"title": title, "unit": shown, "series": [_series(name, values)]}
 
 
@@ -291,26 +285,26 @@ PARAMETERS = 60
 def judged_estimates(folder: Path, output: Path | None) -> list[dict[str, Any]]:
     """Evaluate the estimates of a folder, the newest first; the report is written if asked for."""
     with tempfile.TemporaryDirectory(prefix="dynid-studio-") as scratch:
-        _, contents = report(folder, output or Path(scratch) / "report.html")
+        _, contents = workflow.report(folder, output or Path(scratch) / "report.html")
     newest = sorted(contents.estimates, key=lambda item: -_made(folder / item.name))
     return [_facts(item) for item in newest]
 
 
-def _facts(item: ReportedEstimate) -> dict[str, Any]:
+def _facts(item: report.ReportedEstimate) -> dict[str, Any]:
     estimate = item.estimate
     robot = estimate.model.robot
     found: dict[str, Any] = {
         "name": printable(item.name, 120),
-        "level": LEVELS[item.level],
+        "level": jobs.LEVELS[item.level],
         "headline": printable(item.headline, 300),
         "warnings": [printable(warning.message, 300) for warning in item.warnings[:6]],
         "parameters": [
             {
                 "name": printable(estimate.names[k]),
                 "expression": printable(estimate.expressions[k], 160),
-                "unit": units(estimate.units[k]),
+                "unit": figures.units(estimate.units[k]),
                 "value": plain(float(estimate.values[k])),
-                "interval": plain(float(CONFIDENCE * estimate.std[k])),
+                "interval": plain(float(identification.CONFIDENCE * estimate.std[k])),
             }
             for k in estimate.essential[:PARAMETERS]
         ],
@@ -328,9 +322,9 @@ def _facts(item: ReportedEstimate) -> dict[str, Any]:
             "name": name,
             "error": plain(float(error[j])),
             "torque": plain(float(size[j])),
-            "unit": joint_unit("N.m", robot.prismatic[j : j + 1]),
+            "unit": figures.joint_unit("N.m", robot.prismatic[j : j + 1]),
         }
-        for j, name in enumerate(joint_labels(robot.joint_names))
+        for j, name in enumerate(report.joint_labels(robot.joint_names))
     ]
     found["basis"] = "the recording it was made from" if own else "another recording"
     start = estimate.settings.start_s if own else None

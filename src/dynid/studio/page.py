@@ -11,11 +11,8 @@ from typing import IO, Any
 
 import numpy as np
 
+from dynid import excitation, export, recording, robot
 from dynid.core import DynidError, InputError, JobError, JsonFields, printable
-from dynid.excitation import CRITERIA
-from dynid.export import roll_pitch_yaw, write_model
-from dynid.recording import recording_name
-from dynid.robot import from_xyz_rpy
 from dynid.studio import facts, solids
 from dynid.studio.facts import judged_estimates
 from dynid.studio.jobs import Job, JobState, Supervisor, TailReader
@@ -202,7 +199,7 @@ class Page:
                     "kinds": KINDS,
                 },
                 "files": {kind: free_name(session.folder, name) for kind, name in FILES.items()},
-                "criteria": list(CRITERIA),
+                "criteria": list(excitation.CRITERIA),
                 "estimates": [path.name for path in session.estimates],
                 "results": [
                     {key: value for key, value in item.items() if key != "prediction"}
@@ -270,7 +267,7 @@ class Page:
         if suffix == ".parquet":
             with contextlib.suppress(DynidError):
                 return f"{session.open(path)} is open"
-        name = free_name(session.folder, f"{recording_name(path)}.parquet")
+        name = free_name(session.folder, f"{recording.recording_name(path)}.parquet")
         self._start("import", path, name, {"robot": session.reference})
         return f"{path.name} is read"
 
@@ -312,14 +309,14 @@ class Page:
         session, number = self.session, asked.whole("number")
         with session.lock:
             pose = session.editor.pose(number)
-            place, turned = pose[:3, 3], np.degrees(roll_pitch_yaw(pose[:3, :3]))
+            place, turned = pose[:3, 3], np.degrees(export.roll_pitch_yaw(pose[:3, :3]))
             if asked.get("position") is not None:
                 place = asked.vector("position")
             if asked.get("rpy_deg") is not None:
                 turned = asked.vector("rpy_deg")
             if len(place) != 3 or len(turned) != 3:
                 raise InputError("this is no pose", value=[*map(float, (*place, *turned))])
-            pose = from_xyz_rpy(place.tolist(), np.radians(turned).tolist())
+            pose = robot.from_xyz_rpy(place.tolist(), np.radians(turned).tolist())
             session.editor.place(number, pose)
 
     def _resize(self, asked: JsonFields) -> None:
@@ -405,7 +402,7 @@ class Page:
         if path is None or to not in EXPORTS:
             raise InputError("choose an estimate and a format", value=to, limit=", ".join(EXPORTS))
         name = free_name(session.folder, f"{path.stem}{EXPORTS[to]}")
-        made = write_model(path, session.folder / name, to)
+        made = export.write_model(path, session.folder / name, to)
         notes = [printable(item.message, 300) for item in made.warnings]
         return {"words": ". ".join([f"written: {name}", *notes])}
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from dynid import export, robot
 from dynid.constraints import (
     CollisionBodies,
     JudgedPairs,
@@ -17,8 +18,6 @@ from dynid.constraints import (
     scene_from_json,
 )
 from dynid.core import Array, InputError, JsonFields, check_word, load_object, write_json
-from dynid.export import roll_pitch_yaw
-from dynid.robot import translation
 
 KINDS = ("box", "cylinder", "sphere", "table", "floor", "wall")
 """What can be added."""
@@ -101,7 +100,7 @@ class SceneEditor:
         """(4, 4) where a shape is held: its middle; a table's top, a floor's or wall's surface."""
         item, pose = self._item(number), np.array(self.shape(number).pose)
         if item["type"] == "table":
-            return pose @ translation(0.0, 0.0, float(item.get("thickness", _THICKNESS)) / 2)
+            return pose @ robot.translation(0.0, 0.0, float(item.get("thickness", _THICKNESS)) / 2)
         return pose
 
     def place(self, number: int, pose: Array) -> None:
@@ -117,7 +116,7 @@ class SceneEditor:
         else:
             item["position"] = position
             if kind != "sphere":
-                item["rpy"] = _rounded(roll_pitch_yaw(pose[:3, :3]))
+                item["rpy"] = _rounded(export.roll_pitch_yaw(pose[:3, :3]))
         self._keep(number, before)
 
     def sizes(self, number: int) -> dict[str, float]:

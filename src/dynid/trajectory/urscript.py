@@ -7,10 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, InputError, freeze, frozen
-from dynid.trajectory.files import KINDS
-from dynid.trajectory.fourier import FourierSeries, harmonic_basis
-from dynid.trajectory.points import MotionSequence, PointToPoint, Repetition
-from dynid.trajectory.quintic import STEP, BSpline, FourierQuintic, Quintic
+from dynid.trajectory import files, fourier, points, quintic
 from dynid.trajectory.trajectory import (
     Trajectory,
     require_positive,
@@ -45,7 +42,7 @@ class Piece:
     def values(self, s: Array) -> Array:
         """(N, n) q at (N) s [rad or m]."""
         powers: Array = np.power(s[:, None], np.arange(float(self.polynomial.shape[1])))
-        waves = harmonic_basis(s, 1.0, self.harmonics)[0]
+        waves = fourier.harmonic_basis(s, 1.0, self.harmonics)[0]
         return powers @ self.polynomial.T + waves @ np.hstack([self.a, self.b]).T
 
     def slope(self) -> "Piece":
@@ -63,20 +60,20 @@ def pieces(trajectory: Trajectory) -> tuple[Piece, ...]:
         InputError: A trajectory of a kind that is not of this package.
     """
     # A class of one's own that builds on one of these may move otherwise.
-    match trajectory if type(trajectory) in KINDS.values() else None:
-        case FourierSeries(period=period, offset=offset, a=a, b=b):
+    match trajectory if type(trajectory) in files.KINDS.values() else None:
+        case fourier.FourierSeries(period=period, offset=offset, a=a, b=b):
             return (Piece(duration=period, polynomial=offset[:, None], a=a, b=b),)
-        case FourierQuintic(period=period, a=a, b=b) as series:
+        case quintic.FourierQuintic(period=period, a=a, b=b) as series:
             return (Piece(duration=period, polynomial=series.polynomial(), a=a, b=b),)
-        case Quintic(start=start, goal=goal, travel_time=travel_time):
-            way = np.outer(goal - start, STEP)
+        case quintic.Quintic(start=start, goal=goal, travel_time=travel_time):
+            way = np.outer(goal - start, quintic.STEP)
             way[:, 0] = start
             return (_polynomial(travel_time, way),)
-        case PointToPoint() | BSpline() as curve:
+        case points.PointToPoint() | quintic.BSpline() as curve:
             return tuple(_polynomial(*part) for part in curve.polynomials())
-        case MotionSequence(parts=parts):
+        case points.MotionSequence(parts=parts):
             return tuple(piece for part in parts for piece in pieces(part))
-        case Repetition(part=part, times=times):
+        case points.Repetition(part=part, times=times):
             return times * pieces(part)
         case _:
             raise InputError("no formula for this trajectory", value=type(trajectory).__name__)
@@ -228,7 +225,7 @@ def ur_program(
     total = (settle + repeats) * cycles
     if total > cycles:
         # Refuses a motion that does not end as it starts.
-        Repetition(part=trajectory, times=2)
+        points.Repetition(part=trajectory, times=2)
     ends = require_rest(trajectory)
     parts = pieces(trajectory)
     way = [*(frozen(pose, shape=(_JOINTS,), name="way point") for pose in via), ends.q[0]]

@@ -9,11 +9,10 @@ from numbers import Real
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dynid import recording, signals
 from dynid.core import Array, InputError, Mask, Value, freeze, frozen, read_only, scipy_part
 from dynid.identification import Estimate, EstimateLike, open_estimate
-from dynid.recording import RecordLike, open_record
 from dynid.regressor import FrictionTerms, InverseDynamicModel, torque_adjoint
-from dynid.signals import measured_torque
 
 BANDWIDTH = 50.0
 """Of the residual [1/s]: a step of torque is seen to 92 % after 50 ms."""
@@ -142,7 +141,7 @@ class MomentumObserver:
             integral = integral + step * residual[k]
         return read_only(residual)
 
-    def of_record(self, record: RecordLike) -> tuple[Array, Array]:
+    def of_record(self, record: recording.RecordLike) -> tuple[Array, Array]:
         """Residuals and velocities, each (N, n), of a recording as it would be seen live.
 
         Nothing is filtered. Without recorded velocities they are differences of the positions
@@ -155,8 +154,8 @@ class MomentumObserver:
             InputError: The recording does not fit the robot, or has no torque.
         """
         robot = self.estimate.model.robot
-        record = open_record(record, robot)
-        torque = measured_torque(record, robot)
+        record = recording.open_record(record, robot)
+        torque = signals.measured_torque(record, robot)
         q = record.signals["q"]
         dq = record.signals.get("qd")
         if dq is None:

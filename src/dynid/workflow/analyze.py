@@ -3,10 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from dynid.constraints import doubted_units
-from dynid.core import Finding, told
-from dynid.reduction import BaseParametrization, reduce_model
-from dynid.regressor import FrictionTerms, InverseDynamicModel, parse_terms
+from dynid import constraints, core, reduction, regressor
 from dynid.robot import RobotLike, load_robot
 
 
@@ -14,18 +11,18 @@ from dynid.robot import RobotLike, load_robot
 class Analysis:
     """The structure of a robot's dynamics."""
 
-    base: BaseParametrization
+    base: reduction.BaseParametrization
     """The base parameters and their expressions."""
 
     @property
-    def warnings(self) -> tuple[Finding, ...]:
+    def warnings(self) -> tuple[core.Finding, ...]:
         """Findings of the rank and of the mounting."""
         return self.base.warnings
 
     def to_json(self) -> dict[str, Any]:
         """The keys of the design."""
         base = self.base
-        names, doubts = base.model.names, doubted_units(base.model.robot)
+        names, doubts = base.model.names, constraints.doubted_units(base.model.robot)
         return {
             "robot": base.model.robot.name,
             "standard_parameters": len(names),
@@ -49,7 +46,7 @@ class Analysis:
             "combined_names": [names[i] for i in base.classes.combined],
             "unidentifiable_names": [names[i] for i in base.classes.unidentifiable],
             "notes": [*(one.message for one in doubts), *base.model.robot.notes],
-            **told(self.warnings),
+            **core.told(self.warnings),
         }
 
 
@@ -59,7 +56,7 @@ def analyze(
     frames: str = "",
     samples: int = 25,
     seed: int = 0,
-    terms: str | FrictionTerms = "fc,fv,im",
+    terms: str | regressor.FrictionTerms = "fc,fv,im",
 ) -> Analysis:
     """Base parameters of a robot.
 
@@ -73,7 +70,7 @@ def analyze(
     Raises:
         InputError: Unknown frames or terms, or samples below one.
     """
-    friction = parse_terms(terms) if isinstance(terms, str) else terms
+    friction = regressor.parse_terms(terms) if isinstance(terms, str) else terms
     plain = load_robot(robot, collision=False)
-    model = InverseDynamicModel(robot=plain, frames=frames, friction=friction)
-    return Analysis(base=reduce_model(model, samples=samples, seed=seed))
+    model = regressor.InverseDynamicModel(robot=plain, frames=frames, friction=friction)
+    return Analysis(base=reduction.reduce_model(model, samples=samples, seed=seed))

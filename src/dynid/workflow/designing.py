@@ -14,9 +14,8 @@ from dynid import core, excitation, reduction, regressor, trajectory
 from dynid.robot import RobotLike, RobotModel, load_robot
 from dynid.settings import LONGEST_S, DesignSettings, word_of
 from dynid.signals import process
+from dynid.workflow import design_limits, recordings
 from dynid.workflow.design_files import ROBOT, motions_from, robot_hash, write_design
-from dynid.workflow.design_limits import given_limits
-from dynid.workflow.recordings import robot_reference
 
 DEFAULT_STARTS = {"prediction": 6, "a-opt": 4, "d-opt": 4}
 """Of the gradient method, where neither starts nor a budget are given: seeds of smooth criteria
@@ -72,7 +71,7 @@ def design(
     asked = settings or DesignSettings()
     folders = tuple(map(Path, asked.mesh_dirs or ()))
     model = load_robot(robot, mount=asked.mount, mesh_dirs=folders)
-    reference = robot_reference(robot)
+    reference = recordings.robot_reference(robot)
     job = _DesignJob(model, reference, asked, _telling(progress, watch))
     accuracy = asked.accuracy_percent
     result = job.design(asked.period_s) if accuracy is None else job.shortest(accuracy)
@@ -115,7 +114,7 @@ class _DesignJob:
     ) -> None:
         self.reference = reference
         self.asked, self.tell = asked, tell
-        self.limits = given_limits(asked)
+        self.limits = design_limits.given_limits(asked)
         robot = self.robot = self.limits.equipped(robot)
         self.judge = self.limits.constraints(robot)
         if asked.start_pose is not None:

@@ -30,9 +30,8 @@ from dynid.report import (
 )
 from dynid.robot import move
 from dynid.validation import ParameterComparison, ValidationResult, compare, reproduce, validate
-from dynid.workflow.design_files import StoredDesign, read_design
+from dynid.workflow import design_files, running
 from dynid.workflow.identify import Identification, over_fitted, verdict
-from dynid.workflow.running import truth_path
 
 MODELS = {"urdf": "model.urdf", "mjcf": "model.xml", "c": "model.h"}
 """What `dynid fit` calls the models that it writes, by format."""
@@ -51,7 +50,7 @@ FACTS = {
 
 def _reported_design(path: Path) -> ReportedDesign:
     """Read a design or a trajectory and judge it at instants."""
-    found = read_design(path)
+    found = design_files.read_design(path)
     stored, facts = found.stored, found.facts
     return ReportedDesign(
         name=path.name,
@@ -82,7 +81,7 @@ def _search(history: Any) -> tuple[core.Array, core.Array] | None:
     return None if len(table) < 2 else (table[:, 0], np.fmin.accumulate(table[:, 1]))
 
 
-def _judged(found: StoredDesign) -> JudgedMotion | None:
+def _judged(found: design_files.StoredDesign) -> JudgedMotion | None:
     if found.limits is None:
         return None
     judge = found.limits.constraints(found.robot)
@@ -96,7 +95,7 @@ def _judged(found: StoredDesign) -> JudgedMotion | None:
     return JudgedMotion(t=t, kinds=KINDS, shares=shares, distance_kinds=DISTANCES, distances=gaps)
 
 
-def _instants(found: StoredDesign) -> core.Array:
+def _instants(found: design_files.StoredDesign) -> core.Array:
     """When to judge: evenly, and where the certificate of the design is tightest."""
     duration = found.stored.trajectory.duration
     worst: Any = found.facts.get("worst")
@@ -190,7 +189,7 @@ def _conditions(record: ExperimentRecord) -> tuple[str, ...]:
 def _truth(recordings: list[Path], estimate: Estimate) -> KnownTruth | None:
     """What a simulation wrote beside a recording, in the estimate's frames."""
     robot = estimate.model.robot
-    for file in filter(Path.exists, map(truth_path, recordings)):
+    for file in filter(Path.exists, map(running.truth_path, recordings)):
         with suppress(core.InputError):
             rows = core.load_object(file).matrix("links")
             if rows.shape == (robot.joints, 13):

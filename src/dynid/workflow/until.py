@@ -11,11 +11,9 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
+from dynid import excitation, recording, reduction
 from dynid.core import InputError, JobError, Progress, require_absent
-from dynid.excitation import safe_motions
 from dynid.experiment import interruptible
-from dynid.recording import open_several
-from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.settings import DesignSettings, IdentifySettings, RunSettings, SceneSettings
 from dynid.trajectory import JointMotion
@@ -191,7 +189,7 @@ def run_until(
             break
         records.append(run.record)
         with interruptible():
-            several = open_several(records, stored.robot)
+            several = recording.open_several(records, stored.robot)
             result = identify(several, stored.robot, identification, progress=progress)
             told = accuracy(result.estimate, several, result.training.dq, motions)
         rounds.append(Round(design=place, run=run, accuracy=told))
@@ -235,7 +233,7 @@ def _purpose(stored: design_files.StoredDesign, asked: DesignSettings) -> list[J
     """The motions that the model is for."""
     if asked.motions:
         return design_files.motions_from(asked.motions, stored.robot)
-    base = reduce_model(InverseDynamicModel(robot=stored.robot, frames=asked.frames))
+    base = reduction.reduce_model(InverseDynamicModel(robot=stored.robot, frames=asked.frames))
     if stored.limits is None:
         return []
-    return safe_motions(base, stored.limits.constraints(stored.robot))
+    return excitation.safe_motions(base, stored.limits.constraints(stored.robot))

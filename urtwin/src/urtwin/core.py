@@ -8,15 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array
-from dynid.protocol import RobotMode, RuntimeState
-from dynid.simulation import Servo
+from dynid import core, protocol, simulation
+from urtwin import interpreter, kinematics, network, urscript
 from urtwin.arm import PROTECTIVE_STOP, ControlledArm, ForceMode, Rest
-from urtwin.interpreter import Interpreter
-from urtwin.kinematics import to_matrix
-from urtwin.network import Network, on_this_machine
 from urtwin.safety import Safety
-from urtwin.urscript import ScriptFault
 
 COUNT = 48
 """Integer and double registers in each direction."""
@@ -160,13 +155,13 @@ class Core:
         self.arm, self.safety, self.rate_hz, self.version = arm, safety, rate_hz, version
         self.cycles = 0
         self.inputs, self.outputs, self.signals = Registers(), Registers(), Signals()
-        self.mode = RobotMode.RUNNING
+        self.mode = protocol.RobotMode.RUNNING
         self.messages: deque[Message] = deque(maxlen=MESSAGES_KEPT)
-        self.network = Network(on_this_machine)
-        self.interpreter = Interpreter()
+        self.network = network.Network(network.on_this_machine)
+        self.interpreter = interpreter.Interpreter()
         self.payload = ToolPayload()
         self.tcp = [0.0] * 6
-        self.tcp_matrix: Array = np.eye(4)
+        self.tcp_matrix: core.Array = np.eye(4)
         self.gravity: list[float] = (-arm.plant.arm.robot.gravity).tolist()
         """(3) as in `set_gravity`: the acceleration that keeps the base from falling."""
         self.speed_fraction = 1.0
@@ -197,11 +192,11 @@ class Core:
         return (START_CYCLES_S * self.rate_hz + self.cycles) / self.rate_hz
 
     @property
-    def runtime(self) -> RuntimeState:
+    def runtime(self) -> protocol.RuntimeState:
         """Whether a program plays, is paused, or neither."""
         if not self.playing:
-            return RuntimeState.STOPPED
-        return RuntimeState.PAUSED if self.paused else RuntimeState.PLAYING
+            return protocol.RuntimeState.STOPPED
+        return protocol.RuntimeState.PAUSED if self.paused else protocol.RuntimeState.PLAYING
 
     def scale(self) -> None:
         """Let the speed scaling follow the slider, without a jump."""
@@ -215,14 +210,14 @@ class Core:
         Where somebody else moves it in the same cycle, that is a `ScriptFault`.
         """
         if self.arm.pending is not None and self._mover is not mover:
-            raise ScriptFault("another thread moves the robot in the same cycle")
+            raise urscript.ScriptFault("another thread moves the robot in the same cycle")
         self._mover, self.rest = mover, None
         self.arm.pending = q
 
     def tune(self, lookahead: float, gain: float) -> None:
         """The servo's lookahead [s] and gain from now on; `InputError` for impossible ones."""
         if (lookahead, gain) != self._tuning:
-            self.arm.plant.tune(Servo(lookahead=lookahead, gain=gain))
+            self.arm.plant.tune(simulation.Servo(lookahead=lookahead, gain=gain))
             self._tuning = (lookahead, gain)
 
     def untune(self) -> None:
@@ -271,7 +266,7 @@ class Core:
     def set_tcp(self, pose: Sequence[float]) -> None:
         """The tool in the flange: x, y, z, rx, ry, rz [m, rad]."""
         self.tcp = [float(value) for value in pose]
-        self.tcp_matrix = to_matrix(self.tcp)
+        self.tcp_matrix = kinematics.to_matrix(self.tcp)
 
     def feed(self, variable: str) -> None:
         """An input was written."""

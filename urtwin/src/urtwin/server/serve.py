@@ -6,12 +6,10 @@ import time
 from collections.abc import Callable
 from typing import Any, TextIO
 
-from dynid.core import write_json
+from dynid import core, simulation
 from dynid.robot import load_robot
-from dynid.simulation import SERIAL, simulated_arm
 from urtwin.machine import ControllerMachine
-from urtwin.server.clock import keep_time
-from urtwin.server.loop import ControllerServer, Log
+from urtwin.server import clock, loop
 from urtwin.settings import CB_HZ, E_SERIES, E_SERIES_HZ, PORTS, ControllerSettings
 
 _CB, _E_SERIES = (3, 15, 8, 106339), (5, 12, 0, 1101319)
@@ -32,7 +30,7 @@ def serve(
         JobError: A port is taken.
         MissingExtraError: MuJoCo is not installed.
     """
-    log = Log(stream, "urtwin")
+    log = loop.Log(stream, "urtwin")
     robot = load_robot(settings.robot)
     e_series = robot.name.endswith("e")
     if settings.version is not None:
@@ -41,13 +39,13 @@ def serve(
     version = _CB if rate == CB_HZ else _E_SERIES
     if settings.version is not None:
         version = (*settings.version, version[3])
-    arm = simulated_arm(robot, serial=SERIAL)
+    arm = simulation.simulated_arm(robot, serial=simulation.SERIAL)
     machine = ControllerMachine(
         arm, rate_hz=rate, thermal=settings.start, seed=settings.seed, version=version
     )
-    server = ControllerServer(machine, settings, log)
+    server = loop.ControllerServer(machine, settings, log)
     try:
-        fast = keep_time(real_time=not settings.virtual_time)
+        fast = clock.keep_time(real_time=not settings.virtual_time)
         stopped = _Stop(settings.parent)
         about = {
             "robot": robot.name,
@@ -62,13 +60,13 @@ def serve(
         }
         start = machine.output("joint_temperatures")
         if settings.truth is not None:
-            write_json(settings.truth, _truth(machine, about) | {"start_degC": start})
+            core.write_json(settings.truth, _truth(machine, about) | {"start_degC": start})
         ready(about)
         begun, worked = time.monotonic(), time.process_time()
         server.run(stopped)
         if settings.report is not None:
             spent = {"wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - worked}
-            write_json(settings.report, _report(server, machine) | spent)
+            core.write_json(settings.report, _report(server, machine) | spent)
         log.say(f"stopped by {stopped.why} after {machine.core.cycles} cycles")
     finally:
         server.close()
@@ -110,7 +108,7 @@ def _truth(machine: ControllerMachine, about: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _report(server: ControllerServer, machine: ControllerMachine) -> dict[str, Any]:
+def _report(server: loop.ControllerServer, machine: ControllerMachine) -> dict[str, Any]:
     cycles = machine.core.cycles
     shares = (50.0, 99.0, 99.9, 100.0)
     late = server.pace.lateness_us(*shares)

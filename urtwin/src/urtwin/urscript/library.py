@@ -10,8 +10,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from dynid.core import Array
-from dynid.robot import from_xyz_rpy, inverse
+from dynid import core, robot
 from urtwin.kinematics import rotation_matrix, rotation_vector, to_matrix, to_pose
 from urtwin.urscript import values
 
@@ -109,7 +108,7 @@ _OF_TWO: dict[str, Callable[[values.Value, values.Value], values.Value]] = {
 }
 
 
-def matrix_of(pose: values.Value) -> Array:
+def matrix_of(pose: values.Value) -> core.Array:
     """(4, 4) the transform of a script's pose; `ScriptFault` if it is none."""
     return to_matrix(numbers(pose, 6, "a pose"))
 
@@ -124,13 +123,13 @@ def numbers(value: values.Value, count: int, what: str) -> list[float]:
     return [float(values.number(item)) for item in items]
 
 
-def pose_of(matrix: Array) -> values.Pose:
+def pose_of(matrix: core.Array) -> values.Pose:
     """The script's pose of a transform (4, 4)."""
     return values.Pose(to_pose(matrix))
 
 
 def _pose_inv(p_from: values.Value) -> values.Pose:
-    return pose_of(inverse(matrix_of(p_from)))
+    return pose_of(robot.inverse(matrix_of(p_from)))
 
 
 def _pose_add(p_1: values.Value, p_2: values.Value) -> values.Pose:
@@ -155,7 +154,7 @@ def _interpolate_pose(p_from: values.Value, p_to: values.Value, alpha: values.Va
 
 
 def _rpy2rotvec(rpy_vector: values.Value) -> values.Value:
-    turned = from_xyz_rpy((0.0, 0.0, 0.0), numbers(rpy_vector, 3, "angles"))
+    turned = robot.from_xyz_rpy((0.0, 0.0, 0.0), numbers(rpy_vector, 3, "angles"))
     return rotation_vector(turned[:3, :3]).tolist()
 
 
@@ -173,7 +172,7 @@ def _rotvec2rpy(rotation_vector: values.Value) -> values.Value:
     ]
 
 
-def _apart(place: Array, rotation: Array) -> values.Pose:
+def _apart(place: core.Array, rotation: core.Array) -> values.Pose:
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation, place
     return pose_of(matrix)
