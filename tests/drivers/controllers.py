@@ -11,7 +11,7 @@ import numpy as np
 
 from dynid.core import Array
 from dynid.drivers.ur.link import Disconnected, RtdeLink
-from dynid.drivers.ur.state import APPROACHING, MOVING, STATE, Layout, recorded_names
+from dynid.drivers.ur.variables import APPROACHING, MOVING, STATE, Layout, recorded_names
 from dynid.protocol import Numbers
 
 

@@ -15,7 +15,7 @@ from gentle_motion import ListRecorder
 
 from dynid.drivers import Cycle, Execution, Watchdog, WatchLimits
 from dynid.drivers.ur.pump import Intake, Pump
-from dynid.drivers.ur.state import Layout, recorded
+from dynid.drivers.ur.variables import Layout, recorded
 from dynid.trajectory import rest_series
 
 FREE, ZERO = np.full(6, np.inf), np.zeros(6)

@@ -14,7 +14,7 @@ from dynid.constraints import safe_constraints
 from dynid.core import JobError
 from dynid.drivers import inspect
 from dynid.drivers.ur.link import ScriptPort
-from dynid.drivers.ur.state import APPROACHING, DONE, MOVING, STATE
+from dynid.drivers.ur.variables import APPROACHING, DONE, MOVING, STATE
 from dynid.protocol import RuntimeState
 from dynid.robot import load_robot
 from dynid.trajectory import read_trajectory

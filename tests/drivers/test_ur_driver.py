@@ -30,7 +30,7 @@ from dynid.drivers.ur.link import (
     ScriptPort,
 )
 from dynid.drivers.ur.pump import Refused
-from dynid.drivers.ur.state import recorded
+from dynid.drivers.ur.variables import recorded
 from dynid.protocol import OUTPUTS, Framer, Kind, Recipe, rtde
 from urtwin import RunningController, controller_process, own_address
 
@@ -341,8 +341,8 @@ def test_no_program_of_ur_rtde_is_left_where_the_recording_cannot_begin(
             return lambda: called.append(name)
 
     monkeypatch.setattr("dynid.drivers.ur.driver.UrRtde", Begun)
-    for name in ("require", "require_free"):
-        monkeypatch.setattr(f"dynid.drivers.ur.driver.{name}", lambda *_: None)
+    for name in ("driver.require", "variables.require_free"):
+        monkeypatch.setattr(f"dynid.drivers.ur.{name}", lambda *_: None)
     connected(monkeypatch, Line(ANSWERS))
     driver = ServojDriver(inspect("127.9.9.9"))
     connected(monkeypatch, Line({}))

@@ -21,7 +21,7 @@ from dynid.signals import (
     survey,
     uniform_signals,
 )
-from dynid.signals.process import BLOCK_RATE_HZ, MIN_SAMPLES, TIME_CONSTANTS
+from dynid.signals.processing import BLOCK_RATE_HZ, MIN_SAMPLES, TIME_CONSTANTS
 
 EXACT = 1e-9
 MOTION = {"q": 1e-5, "dq": 1e-4, "ddq": 1e-3}

@@ -15,5 +15,5 @@ from dynid.drivers.driver import mode_name as mode_name
 from dynid.drivers.simulated import SimulatedDriver as SimulatedDriver
 from dynid.drivers.ur.driver import ServojDriver as ServojDriver
 from dynid.drivers.ur.driver import UrDriver as UrDriver
-from dynid.drivers.ur.state import ControllerState as ControllerState
-from dynid.drivers.ur.state import inspect as inspect
+from dynid.drivers.ur.variables import ControllerState as ControllerState
+from dynid.drivers.ur.variables import inspect as inspect

@@ -5,12 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from dynid.core import Finding, RecordError, printable
-from dynid.recording import cells, record
-from dynid.recording.headers import Family, Match, match_headers, require_one_order
+from dynid.recording import cells, headers, records
 from dynid.recording.names import parse_name
 from dynid.recording.table import Clock
 
-QUANTITIES = ("t", *record.JOINT_QUANTITIES)
+QUANTITIES = ("t", *records.JOINT_QUANTITIES)
 _RANGE = re.compile(r"(\d{1,6}):(\d{1,6})")
 _EXAMPLE = (
     "Write it like t=0,q=1:7,qd=7:13,current=13:19 (six joints; from 0, ranges exclude their end)."
@@ -117,14 +116,14 @@ def assign(
     columns: Mapping[str, str] | None,
     width: int,
     joints: Sequence[str] = (),
-) -> Match:
+) -> headers.Match:
     """Find out what the columns of a table hold: as the user says, else by their names.
 
     Raises:
         RecordError: Columns that are not there, or a header that does not say what they are.
     """
     if columns is None:
-        match = match_headers(names or (), joints)
+        match = headers.match_headers(names or (), joints)
         signals = {name: cols for name, cols in match.columns.items() if name != "t"}
         notes = (*match.notes, *conversions(match.factors))
         return replace(match, columns=signals, notes=notes)
@@ -135,11 +134,11 @@ def assign(
         label = names[time[0]] if names else f"column {time[0]}"
         clocks = (Clock(columns=tuple(time), scale=1.0 if len(time) == 2 else scale, label=label),)
     if names is None:
-        return Match(columns=mapping, clocks=clocks)
+        return headers.Match(columns=mapping, clocks=clocks)
     named = {q: _joints_of([names[k] for k in cols], joints) for q, cols in mapping.items()}
     own = named.get("q", ())
     for quantity, numbers in mapping.items():
-        require_one_order(quantity, numbers, named[quantity], own, joints)
+        headers.require_one_order(quantity, numbers, named[quantity], own, joints)
     if own:
         # Each quantity in the joint order of q, where both tell their joints.
         mapping |= {
@@ -151,14 +150,14 @@ def assign(
     said: set[str] = set()
     notices: list[Finding] = []
     for quantity, numbers in mapping.items():
-        family = Family(members=[(parse_name(names[k]), k) for k in numbers])
+        family = headers.Family(members=[(parse_name(names[k]), k) for k in numbers])
         units = [family.unit_of(k) for k in numbers]
         factors[quantity], unknown = cells.factors_of(quantity, units)
         if unknown is not None:
             notices.append(cells.taken_as_it_is(quantity, names[numbers[0]], units[unknown]))
         if all(units):
             said.add(quantity)
-    return Match(
+    return headers.Match(
         columns=mapping,
         clocks=clocks,
         factors=factors,

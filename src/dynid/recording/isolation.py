@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from dynid import core
 from dynid.recording.content import Budget
-from dynid.recording.record import ExperimentRecord, metadata_to_json
+from dynid.recording.records import ExperimentRecord, metadata_to_json
 from dynid.recording.table import RawTable, ReadOptions
 
 Read = RawTable | ExperimentRecord

@@ -21,7 +21,7 @@ from dynid.recording.content import Budget, first_bytes, located
 from dynid.recording.csv import are_one_run, read_csv
 from dynid.recording.formats import FORMATS, content_kind, unpacked
 from dynid.recording.isolation import read_isolated, serve
-from dynid.recording.record import ExperimentRecord, with_gains
+from dynid.recording.records import ExperimentRecord, with_gains
 from dynid.recording.repair.joints import refuse_degrees
 from dynid.recording.repair.pipeline import repair
 from dynid.recording.store import fitted, partial_path, read_own

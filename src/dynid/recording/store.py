@@ -21,17 +21,7 @@ from typing import IO, Any
 import numpy as np
 
 from dynid import core
-from dynid.recording.content import first_bytes, located, refused
-from dynid.recording.record import (
-    UNITS,
-    VERSION,
-    Description,
-    ExperimentRecord,
-    column_names,
-    digest,
-    metadata_to_json,
-    of_robot,
-)
+from dynid.recording import content, records
 from dynid.robot import RobotModel
 
 MARK = b"DYNIDREC\x01"
@@ -52,7 +42,7 @@ def read_partial(path: Path) -> str:
 
 def is_partial(path: Path) -> bool:
     """Whether a file is a recording in progress, by its first bytes."""
-    return first_bytes(path, len(MARK)) == MARK
+    return content.first_bytes(path, len(MARK)) == MARK
 
 
 def pack(kind: bytes, payload: bytes) -> bytes:
@@ -60,7 +50,9 @@ def pack(kind: bytes, payload: bytes) -> bytes:
     return _HEAD.pack(kind, len(payload), zlib.crc32(kind + payload)) + payload
 
 
-def recover(path: Path, file: int | None = None, *, finished: bool = False) -> ExperimentRecord:
+def recover(
+    path: Path, file: int | None = None, *, finished: bool = False
+) -> records.ExperimentRecord:
     """The recording that a `.partial` file holds, up to its first damaged segment.
 
     It is read from the open `file`, if there is one. Where its writer `finished` in good order,
@@ -70,7 +62,7 @@ def recover(path: Path, file: int | None = None, *, finished: bool = False) -> E
         RecordError: The description is lost, or there are fewer than two rows.
     """
     with (
-        located(path.name),
+        content.located(path.name),
         open(path if file is None else file, "rb", closefd=file is None) as stream,
     ):
         stream.seek(0)
@@ -79,11 +71,11 @@ def recover(path: Path, file: int | None = None, *, finished: bool = False) -> E
     parts = {kind: [part for own, part in segments if own == kind] for kind in (b"H", b"R", b"N")}
     if not parts[b"H"]:
         raise core.RecordError("the recording's description is lost", where=path.name)
-    with refused("the recording's description is damaged", where=path.name):
+    with content.refused("the recording's description is damaged", where=path.name):
         description = core.parse_json(parts[b"H"][-1].decode())
         notices = [core.parse_json(part.decode()) for part in parts[b"N"]]
-    found = Description.of(description, notices)
-    with refused("the recording's rows are damaged", where=path.name):
+    found = records.Description.of(description, notices)
+    with content.refused("the recording's rows are damaged", where=path.name):
         table = np.frombuffer(b"".join(parts[b"R"]), dtype="<f8").reshape(-1, len(found.names))
     record = found.record(list(table.T))
     if finished:
@@ -167,7 +159,9 @@ ROWS_A_GROUP = 1 << 16
 _FOREIGN = "Import it with: dynid import FILE -o RECORD.parquet"
 
 
-def write_record(record: ExperimentRecord, path: str | Path, *, force: bool = False) -> None:
+def write_record(
+    record: records.ExperimentRecord, path: str | Path, *, force: bool = False
+) -> None:
     """Write a recording; the file appears whole or not at all.
 
     Args:
@@ -181,7 +175,7 @@ def write_record(record: ExperimentRecord, path: str | Path, *, force: bool = Fa
     """
     target = core.file_behind(Path(path))
     core.require_absent(target, force=force)
-    names = ["t", *column_names(record.signals, record.joints)]
+    names = ["t", *records.column_names(record.signals, record.joints)]
     for k, name in enumerate(record.channels):
         names.append(f"channel_{k}" if name in names or not name else name)
     signals = (column for value in record.signals.values() for column in value.T)
@@ -189,15 +183,15 @@ def write_record(record: ExperimentRecord, path: str | Path, *, force: bool = Fa
         np.ascontiguousarray(column) for column in (record.t, *signals, *record.channels.values())
     ]
     description: dict[str, Any] = {
-        "schema": VERSION,
+        "schema": records.VERSION,
         "joints": record.joints,
         "quantities": list(record.signals),
         "channels": list(record.channels),
-        "units": {name: UNITS[name] for name in ("t", *record.signals)},
-        "metadata": metadata_to_json(record.metadata),
+        "units": {name: records.UNITS[name] for name in ("t", *record.signals)},
+        "metadata": records.metadata_to_json(record.metadata),
         "problems": [notice.to_json() for notice in record.problems],
     }
-    description["digest"] = digest(description, columns)
+    description["digest"] = records.digest(description, columns)
     arrow = importlib.import_module("pyarrow")
     parquet = importlib.import_module("pyarrow.parquet")
     table = arrow.table(
@@ -240,7 +234,7 @@ def is_own(path: Path) -> bool:
         return bytes([len(KEY)]) + KEY in stream.read()
 
 
-def described(footer: Any) -> tuple[Description, dict[str, Any], str]:
+def described(footer: Any) -> tuple[records.Description, dict[str, Any], str]:
     """What the footer of a Parquet file says of the recording in it: read, as written, its digest.
 
     Raises:
@@ -250,15 +244,17 @@ def described(footer: Any) -> tuple[Description, dict[str, Any], str]:
     if KEY not in entries:
         raise core.RecordError("this Parquet file is not a dynid recording", next_step=_FOREIGN)
     written: dict[str, Any] = core.parse_json(entries[KEY].decode())
-    if (version := written.get("schema")) != VERSION:
+    if (version := written.get("schema")) != records.VERSION:
         raise core.RecordError(
-            "the recording was written by another version of dynid", value=version, limit=VERSION
+            "the recording was written by another version of dynid",
+            value=version,
+            limit=records.VERSION,
         )
     expected = str(written.pop("digest", ""))
-    return Description.of(written, written.get("problems") or ()), written, expected
+    return records.Description.of(written, written.get("problems") or ()), written, expected
 
 
-def read_own(file: Path) -> ExperimentRecord:
+def read_own(file: Path) -> records.ExperimentRecord:
     """Read a recording of ours, finished or not; `read_record` bounds what that costs.
 
     Raises:
@@ -268,7 +264,7 @@ def read_own(file: Path) -> ExperimentRecord:
         return recover(file)
     parquet = importlib.import_module("pyarrow.parquet")
     with (
-        refused("the Parquet file is damaged or no Parquet"),
+        content.refused("the Parquet file is damaged or no Parquet"),
         parquet.ParquetFile(file, page_checksum_verification=True, pre_buffer=False) as source,
     ):
         found, description, expected = described(source.metadata)
@@ -282,7 +278,7 @@ def read_own(file: Path) -> ExperimentRecord:
             raise core.RecordError(
                 "columns are missing", value=list(columns)[:40], limit=found.names
             )
-        if digest(description, ordered) != expected:
+        if records.digest(description, ordered) != expected:
             raise core.RecordError("the recording was changed or damaged after it was written")
         record = found.record(ordered)
     waiting = partial_path(file)
@@ -297,9 +293,9 @@ def read_own(file: Path) -> ExperimentRecord:
     return replace(record, problems=(*record.problems, note))
 
 
-def fitted(record: ExperimentRecord, robot: RobotModel | None) -> ExperimentRecord:
+def fitted(record: records.ExperimentRecord, robot: RobotModel | None) -> records.ExperimentRecord:
     """A recording, fitted to a robot; see `of_robot`."""
-    metadata, order, told = of_robot(record.metadata, record.joints, robot)
+    metadata, order, told = records.of_robot(record.metadata, record.joints, robot)
     if metadata == record.metadata:
         return record
     signals = {name: value[:, list(order)] for name, value in record.signals.items()}

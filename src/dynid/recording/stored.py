@@ -18,14 +18,8 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, Finding, InputError, RecordError, require
+from dynid.recording import records
 from dynid.recording.content import located, refused
-from dynid.recording.record import (
-    ExperimentRecord,
-    RecordMetadata,
-    identity,
-    of_robot,
-    with_gains,
-)
 from dynid.recording.store import KEY, described, is_own
 from dynid.robot import RobotModel
 
@@ -132,7 +126,7 @@ class StoredRecording:
     joints: int
     quantities: tuple[str, ...]
     """Signals that it has."""
-    metadata: RecordMetadata
+    metadata: records.RecordMetadata
     problems: tuple[Finding, ...]
     """What was found and repaired in reading."""
     fingerprint: str
@@ -140,7 +134,7 @@ class StoredRecording:
     order: tuple[int, ...]
     """Columns in the order of the robot's joints."""
 
-    def part(self, first: int, last: int, quantities: Sequence[str]) -> ExperimentRecord:
+    def part(self, first: int, last: int, quantities: Sequence[str]) -> records.ExperimentRecord:
         """Rows as a recording of their own; neighbours are read fastest in their order.
 
         Args:
@@ -161,7 +155,7 @@ class StoredRecording:
         groups = [_group(self.path, columns, written, k) for k in range(begin, end)]
         rows = slice(first - starts[begin], last - starts[begin])
         table, n = np.concatenate(groups, axis=1)[:, rows], self.joints
-        return ExperimentRecord(
+        return records.ExperimentRecord(
             t=table[0],
             signals={name: table[1 + k * n : 1 + (k + 1) * n].T for k, name in enumerate(names)},
             # A part is not the file.
@@ -183,13 +177,13 @@ class StoredRecording:
             yield t
 
 
-AnyRecording = ExperimentRecord | StoredRecording
+AnyRecording = records.ExperimentRecord | StoredRecording
 
 
 def fingerprint(record: AnyRecording) -> str:
     """What tells a recording from every other."""
-    if isinstance(record, ExperimentRecord):
-        return identity(record)
+    if isinstance(record, records.ExperimentRecord):
+        return records.identity(record)
     return record.metadata.input_hash or record.fingerprint
 
 
@@ -225,13 +219,13 @@ def open_stored(
     with located(file.name), refused("the Parquet file is damaged or no dynid recording"):
         footer, _ = _footer(file, file.stat().st_mtime_ns)
         found, _, digest = described(footer)
-        metadata, order, told = of_robot(found.metadata, found.joints, robot)
+        metadata, order, told = records.of_robot(found.metadata, found.joints, robot)
     return StoredRecording(
         path=file,
         samples=int(footer.num_rows),
         joints=found.joints,
         quantities=found.quantities,
-        metadata=with_gains(metadata, found.joints, gains),
+        metadata=records.with_gains(metadata, found.joints, gains),
         problems=(*found.problems, *told),
         fingerprint=digest,
         order=order,

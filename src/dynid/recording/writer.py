@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, Finding, InputError, JobError, RecordError, free_name, require_absent
-from dynid.recording import content, store
-from dynid.recording.record import RecordMetadata, check_quantities, metadata_to_json
+from dynid.recording import content, records, store
 
 _FLUSH_S = 0.5
 _FLUSH_ROWS = 4096
@@ -57,7 +56,7 @@ class RecordWriter:
         path: str | Path,
         joint_names: Sequence[str],
         quantities: Sequence[str],
-        metadata: RecordMetadata | None = None,
+        metadata: records.RecordMetadata | None = None,
         *,
         channels: Sequence[str] = (),
         force: bool = False,
@@ -69,7 +68,7 @@ class RecordWriter:
         self._force = force
         self._aborted = False
         require_absent(self.path, force=force)
-        self._quantities = check_quantities(quantities)
+        self._quantities = records.check_quantities(quantities)
         self._channels = tuple(channels)
         self._joints = len(joint_names)
         if self._joints == 0 or len(set(self._channels)) != len(self._channels):
@@ -84,12 +83,12 @@ class RecordWriter:
         self._flushed = time.monotonic()
         self._samples = self._saved = self._end = 0
         self._sync: Future[None] | None = None
-        metadata = replace(metadata or RecordMetadata(), joint_names=tuple(joint_names))
+        metadata = replace(metadata or records.RecordMetadata(), joint_names=tuple(joint_names))
         description = {
             "quantities": list(self._quantities),
             "joints": self._joints,
             "channels": list(self._channels),
-            "metadata": metadata_to_json(metadata),
+            "metadata": records.metadata_to_json(metadata),
         }
         self._partial = store.partial_path(self.path)
         self._file: int | None

@@ -14,21 +14,7 @@ import numpy as np
 from dynid.core import Array, InputError
 from dynid.recording import AnyRecording, ExperimentRecord
 from dynid.robot import RobotModel
-from dynid.signals import filters, resample
-from dynid.signals.process import (
-    ProcessingSettings,
-    Samples,
-    block_length,
-    delayed,
-    filtered_motion,
-    measured_torque,
-    require_samples,
-    samples_from,
-    signals_at,
-    uniform_signals,
-    unsettled,
-    used_rows,
-)
+from dynid.signals import filters, processing, resample
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +29,7 @@ class LongSignals:
 
     recording: AnyRecording
     robot: RobotModel
-    settings: ProcessingSettings
+    settings: processing.ProcessingSettings
     """With a cut-off; without a period; data are thinned."""
     grid: resample.StreamGrid
     encoder_noise: Array | None
@@ -53,7 +39,9 @@ class LongSignals:
 
     def __post_init__(self) -> None:
         count = self.grid.count
-        edge = min(unsettled(self.grid.rate_hz, self.settings, self.cutoff_hz), count // 4)
+        edge = min(
+            processing.unsettled(self.grid.rate_hz, self.settings, self.cutoff_hz), count // 4
+        )
         runs: list[tuple[int, int]] = []
         begin = edge
         for a, b in self.grid.gaps:
@@ -62,7 +50,7 @@ class LongSignals:
                 begin = b + edge
         runs.append((begin, count - edge))
         object.__setattr__(self, "runs", tuple((a, b) for a, b in runs if b > a))
-        require_samples(self.count)
+        processing.require_samples(self.count)
 
     @property
     def cutoff_hz(self) -> float:
@@ -77,34 +65,36 @@ class LongSignals:
     @property
     def block(self) -> int:
         """Samples that identification averages over."""
-        return block_length(self.grid.rate_hz)
+        return processing.block_length(self.grid.rate_hz)
 
     @property
     def used(self) -> slice:
         """The samples whose torques are used, see `Samples.rows`."""
-        return used_rows(self.count, self.settings.torque_filter, self.grid.rate_hz)
+        return processing.used_rows(self.count, self.settings.torque_filter, self.grid.rate_hz)
 
-    def samples(self, first: int, last: int) -> Samples:
+    def samples(self, first: int, last: int) -> processing.Samples:
         """The kept samples from the first to the one before the last.
 
         Raises:
             InputError: A recording without the torques or velocities that are needed.
         """
         beside = int(np.ceil(filters.SETTLED * self.grid.rate_hz / self.cutoff_hz))
-        beside += unsettled(self.grid.rate_hz, self.settings, self.cutoff_hz)
+        beside += processing.unsettled(self.grid.rate_hz, self.settings, self.cutoff_hz)
         pieces: list[list[Array]] = []
         for near in _together(self._points(first, last), 4 * beside):
             low, high = near[0][0] - beside, near[-1][1] + beside
             ends = max(low, 0), min(high, self.grid.count)
-            signals = signals_at(self.recording, self.robot, self.settings, self.grid, *ends)
-            motion = filtered_motion(signals, self.settings, self.cutoff_hz)
+            signals = processing.signals_at(
+                self.recording, self.robot, self.settings, self.grid, *ends
+            )
+            motion = processing.filtered_motion(signals, self.settings, self.cutoff_hz)
             noise = self.encoder_noise
             held = signals.q if noise is None else filters.without_noise(signals.q, noise)
-            torque = delayed(signals.torque, signals.rate_hz, self.settings.delays_s)
+            torque = processing.delayed(signals.torque, signals.rate_hz, self.settings.delays_s)
             kept = np.concatenate([np.arange(a, b) for a, b in near]) - max(low, 0)
             pieces.append([values[kept] for values in (signals.t, *motion, held, torque)])
         t, q, dq, ddq, held, tau = (np.concatenate(values) for values in zip(*pieces, strict=True))
-        return Samples(
+        return processing.Samples(
             t=t - self.grid.start_s,
             q=q,
             dq=dq,
@@ -141,8 +131,8 @@ def _together(runs: Sequence[tuple[int, int]], apart: int) -> list[list[tuple[in
 
 
 def samples_at_stamps(
-    record: ExperimentRecord, robot: RobotModel, settings: ProcessingSettings
-) -> Samples:
+    record: ExperimentRecord, robot: RobotModel, settings: processing.ProcessingSettings
+) -> processing.Samples:
     """Motion from the uniform grid, torque as recorded, at the record's own stamps.
 
     A record that is uniform already gives the samples of `process`, and its ends. For a jittered
@@ -153,10 +143,10 @@ def samples_at_stamps(
     Raises:
         InputError: See `process`.
     """
-    signals = uniform_signals(record, robot, settings)
-    samples = samples_from(signals, replace(settings, delays_s=None), trim=False)
+    signals = processing.uniform_signals(record, robot, settings)
+    samples = processing.samples_from(signals, replace(settings, delays_s=None), trim=False)
     part = resample.window(record.t, settings.start_s, settings.stop_s)
-    stamps, torque = record.t[part], measured_torque(record, robot)[part]
+    stamps, torque = record.t[part], processing.measured_torque(record, robot)[part]
     t: Array = stamps - float(stamps[0])
     after = np.clip(np.searchsorted(samples.t, t), 1, samples.count - 1)
     inside = (t >= samples.t[0]) & (t <= samples.t[-1])

@@ -1,5 +1,12 @@
 """Joint motions as functions of time: Fourier series, polynomials, files."""
 
+from dynid.trajectory.base import JointMotion as JointMotion
+from dynid.trajectory.base import MotionFamily as MotionFamily
+from dynid.trajectory.base import Trajectory as Trajectory
+from dynid.trajectory.base import require_positive as require_positive
+from dynid.trajectory.base import require_rest as require_rest
+from dynid.trajectory.base import require_share as require_share
+from dynid.trajectory.base import require_whole as require_whole
 from dynid.trajectory.files import FAMILY_NAMES as FAMILY_NAMES
 from dynid.trajectory.files import StoredTrajectory as StoredTrajectory
 from dynid.trajectory.files import csv_text as csv_text
@@ -34,13 +41,6 @@ from dynid.trajectory.quintic import BSplineFamily as BSplineFamily
 from dynid.trajectory.quintic import FourierQuintic as FourierQuintic
 from dynid.trajectory.quintic import Quintic as Quintic
 from dynid.trajectory.quintic import rest_to_rest as rest_to_rest
-from dynid.trajectory.trajectory import JointMotion as JointMotion
-from dynid.trajectory.trajectory import MotionFamily as MotionFamily
-from dynid.trajectory.trajectory import Trajectory as Trajectory
-from dynid.trajectory.trajectory import require_positive as require_positive
-from dynid.trajectory.trajectory import require_rest as require_rest
-from dynid.trajectory.trajectory import require_share as require_share
-from dynid.trajectory.trajectory import require_whole as require_whole
 from dynid.trajectory.urscript import Piece as Piece
 from dynid.trajectory.urscript import pieces as pieces
 from dynid.trajectory.urscript import ur_program as ur_program

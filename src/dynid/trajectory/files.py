@@ -21,22 +21,14 @@ from dynid.core import (
     write_json,
 )
 from dynid.core import provenance as made_now
-from dynid.trajectory import fourier, quintic
+from dynid.trajectory import base, fourier, quintic
 from dynid.trajectory.points import MotionSequence, PointsFamily, PointToPoint, Repetition
-from dynid.trajectory.trajectory import (
-    JointMotion,
-    MotionFamily,
-    PoseFamily,
-    SeriesFamily,
-    Trajectory,
-    require_positive,
-)
 
 _DEEPEST = 8
 """Levels of sequences within sequences that a file may have."""
 
 
-KINDS: dict[str, type[Trajectory]] = {
+KINDS: dict[str, type[base.Trajectory]] = {
     "fourier": fourier.FourierSeries,
     "fourier-quintic": quintic.FourierQuintic,
     "bspline": quintic.BSpline,
@@ -48,7 +40,7 @@ KINDS: dict[str, type[Trajectory]] = {
 """What a file calls each kind; a field of the trajectory has the same name in the file."""
 
 
-def trajectory_to_json(trajectory: Trajectory) -> dict[str, Any]:
+def trajectory_to_json(trajectory: base.Trajectory) -> dict[str, Any]:
     """A JSON object, `type` first, from which the trajectory can be read back exactly.
 
     Raises:
@@ -68,14 +60,14 @@ def trajectory_to_json(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def _plain(value: object) -> object:
-    if isinstance(value, Trajectory):
+    if isinstance(value, base.Trajectory):
         return trajectory_to_json(value)
     if isinstance(value, tuple):
         return [_plain(part) for part in cast("tuple[object, ...]", value)]
     return cast("Any", value).tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 
-def trajectory_from_json(stored: JsonFields, *, depth: int = 0) -> Trajectory:
+def trajectory_from_json(stored: JsonFields, *, depth: int = 0) -> base.Trajectory:
     """The trajectory of a JSON object that `trajectory_to_json` made, within so many sequences.
 
     Raises:
@@ -109,7 +101,7 @@ _OWN = frozenset({"kind", "version", "robot", "trajectory", "limits", "provenanc
 class StoredTrajectory(Value):
     """A trajectory with what it was made for."""
 
-    trajectory: Trajectory
+    trajectory: base.Trajectory
     """The motion."""
     robot: str
     """Name or path of the robot."""
@@ -122,7 +114,7 @@ class StoredTrajectory(Value):
 
 
 def write_trajectory(
-    trajectory: Trajectory | StoredTrajectory,
+    trajectory: base.Trajectory | StoredTrajectory,
     path: str | Path,
     *,
     robot: str | Path = "",
@@ -151,7 +143,7 @@ def write_trajectory(
         # The order of release 0.1, for one release.
         old = "write_trajectory(path, trajectory) is now write_trajectory(trajectory, path)"
         warnings.warn(old, DeprecationWarning, stacklevel=3)
-        trajectory, path = cast("Trajectory", path), trajectory
+        trajectory, path = cast("base.Trajectory", path), trajectory
     if isinstance(trajectory, StoredTrajectory):
         robot, limits = robot or trajectory.robot, limits or trajectory.limits
         provenance, extra = provenance or trajectory.provenance, extra or trajectory.extra
@@ -220,7 +212,7 @@ def read_trajectory(path: str | Path) -> StoredTrajectory:
         raise error.changed(where=str(path), next_step=None) from error
 
 
-def _check_size(trajectory: Trajectory) -> None:
+def _check_size(trajectory: base.Trajectory) -> None:
     """Refuse numbers with which nothing can be reckoned: they would overflow further on."""
     if not _SHORTEST <= trajectory.duration <= _LONGEST:
         raise InputError(
@@ -237,7 +229,7 @@ def _check_size(trajectory: Trajectory) -> None:
             raise InputError(f"the motion's {name}", value=largest, limit=f"below {_LARGEST:g}")
 
 
-_FAMILIES: dict[str, type[SeriesFamily] | type[PoseFamily]] = {
+_FAMILIES: dict[str, type[base.SeriesFamily] | type[base.PoseFamily]] = {
     made.name: made
     for made in (
         *(fourier.FourierFamily, fourier.ModifiedFourierFamily, quintic.FourierQuinticFamily),
@@ -248,7 +240,7 @@ FAMILY_NAMES = tuple(_FAMILIES)
 """Names that `motion_family` knows."""
 
 
-def motion_family(name: str, duration: float, harmonics: int) -> MotionFamily:
+def motion_family(name: str, duration: float, harmonics: int) -> base.MotionFamily:
     """A family by its name.
 
     Args:
@@ -263,7 +255,7 @@ def motion_family(name: str, duration: float, harmonics: int) -> MotionFamily:
     if name not in _FAMILIES:
         raise InputError("unknown family of motions", value=name, limit=", ".join(FAMILY_NAMES))
     made = _FAMILIES[name]
-    if issubclass(made, SeriesFamily):
+    if issubclass(made, base.SeriesFamily):
         return made(period=duration, harmonics=harmonics)
     points = 2 * harmonics if made is quintic.BSplineFamily else harmonics
     return made(travel_time=duration, points=points)
@@ -278,13 +270,13 @@ _APART = 0.1
 """Steps between a point of the grid and a jump of the acceleration that has a point as well."""
 
 
-def sampled(trajectory: Trajectory, rate_hz: float) -> JointMotion:
+def sampled(trajectory: base.Trajectory, rate_hz: float) -> base.JointMotion:
     """The motion on a regular grid from zero, and at its end: the last step may be shorter.
 
     Raises:
         InputError: A rate that is not positive, or too many samples.
     """
-    require_positive("the rate", rate_hz)
+    base.require_positive("the rate", rate_hz)
     steps = math.ceil(trajectory.duration * rate_hz - _LATE)
     if steps > _MOST:
         raise InputError("samples of the motion", value=steps, limit=_MOST)
@@ -292,7 +284,7 @@ def sampled(trajectory: Trajectory, rate_hz: float) -> JointMotion:
 
 
 def csv_text(
-    trajectory: Trajectory, rate_hz: float = 125.0, *, units: Sequence[str] | None = None
+    trajectory: base.Trajectory, rate_hz: float = 125.0, *, units: Sequence[str] | None = None
 ) -> str:
     """The motion as CSV: t, q1.., dq1.., ddq1.., with units in the header.
 
@@ -320,7 +312,7 @@ def csv_text(
 
 
 def joint_trajectory_yaml(
-    trajectory: Trajectory, joint_names: Sequence[str], rate_hz: float = 125.0
+    trajectory: base.Trajectory, joint_names: Sequence[str], rate_hz: float = 125.0
 ) -> str:
     """The motion as a ROS 2 `trajectory_msgs/msg/JointTrajectory` in YAML.
 
@@ -347,7 +339,7 @@ def joint_trajectory_yaml(
     return "\n".join(_yaml_lines(motion, joint_names, smooth=not len(jumps))) + "\n"
 
 
-def _jumps(trajectory: Trajectory, start: float) -> Iterator[float]:
+def _jumps(trajectory: base.Trajectory, start: float) -> Iterator[float]:
     """When the acceleration jumps in a motion that starts then [s]."""
     if isinstance(trajectory, MotionSequence):
         for part, begin in zip(trajectory.parts, trajectory.starts.tolist(), strict=True):
@@ -361,7 +353,7 @@ def _jumps(trajectory: Trajectory, start: float) -> Iterator[float]:
         yield from ends.round(9).tolist()
 
 
-def _yaml_lines(motion: JointMotion, names: Sequence[str], *, smooth: bool) -> Iterator[str]:
+def _yaml_lines(motion: base.JointMotion, names: Sequence[str], *, smooth: bool) -> Iterator[str]:
     yield "header:"
     yield "  stamp: {sec: 0, nanosec: 0}"
     yield '  frame_id: ""'

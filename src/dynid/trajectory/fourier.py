@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, MotionBounds, Value, frozen, read_only
-from dynid.trajectory import trajectory
+from dynid.trajectory import base
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FourierSeries(Value, trajectory.Trajectory):
+class FourierSeries(Value, base.Trajectory):
     """A periodic motion, q = q0 + sum_l a_l sin(w l t) - b_l cos(w l t) with w = 2 pi / period.
 
     Raises:
@@ -31,7 +31,7 @@ class FourierSeries(Value, trajectory.Trajectory):
     """(n, H) negated cosine coefficients, harmonics 1 to H [rad or m]."""
 
     def __post_init__(self) -> None:
-        trajectory.require_positive("the period", self.period)
+        base.require_positive("the period", self.period)
         object.__setattr__(self, "period", float(self.period))
         offset = frozen(self.offset, shape=(None,), name="offset")
         a, b = coefficients(self.a, self.b, len(offset))
@@ -53,7 +53,7 @@ class FourierSeries(Value, trajectory.Trajectory):
         """The period [s]."""
         return self.period
 
-    def evaluate(self, t: ArrayLike) -> trajectory.JointMotion:
+    def evaluate(self, t: ArrayLike) -> base.JointMotion:
         """The motion at any times (N) [s], by analytic derivatives; it repeats after a period.
 
         Raises:
@@ -64,9 +64,9 @@ class FourierSeries(Value, trajectory.Trajectory):
         basis = harmonic_basis(np.mod(times, self.period), self.period, self.harmonics)
         numbers = np.hstack([self.a, self.b]).T
         q, dq, ddq = (part @ numbers for part in basis)
-        return trajectory.JointMotion(t=times, q=self.offset + q, dq=dq, ddq=ddq)
+        return base.JointMotion(t=times, q=self.offset + q, dq=dq, ddq=ddq)
 
-    def sample(self, rate_hz: float, periods: int = 1) -> trajectory.JointMotion:
+    def sample(self, rate_hz: float, periods: int = 1) -> base.JointMotion:
         """The motion on a regular grid over some periods, from zero; the last end is left out.
 
         Raises:
@@ -117,7 +117,7 @@ def rest_basis(harmonics: int) -> Array:
     Raises:
         InputError: Fewer than two harmonics.
     """
-    trajectory.require_whole("harmonics of a motion from rest to rest", harmonics, 2)
+    base.require_whole("harmonics of a motion from rest to rest", harmonics, 2)
     order = np.arange(1.0, harmonics + 1)
     return _sines_and_cosines(_orthogonal_complement(order), _orthogonal_complement(order**2))
 
@@ -167,7 +167,7 @@ def _orthogonal_complement(direction: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FourierFamily(trajectory.SeriesFamily):
+class FourierFamily(base.SeriesFamily):
     """The paper's series with no velocity and acceleration at the ends; the offset is q0.
 
     Raises:
@@ -363,7 +363,7 @@ def random_excitation(
     given = np.zeros(bounds.joints) if offset is None else offset
     middle = frozen(given, shape=(bounds.joints,), name="offset")
     series = rest_series(period_s, middle, free)
-    trajectory.require_share("margin", margin)
+    base.require_share("margin", margin)
     centre, half = (bounds.lower + bounds.upper) / 2, (bounds.upper - bounds.lower) / 2
     lower, upper = centre - margin * half, centre + margin * half
     peak = peaks(series)

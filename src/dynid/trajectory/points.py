@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, MotionBounds, check_word, frozen
+from dynid.trajectory.base import PoseFamily, StandingMotion, Trajectory, require_whole
 from dynid.trajectory.quintic import StraightMove, rest_to_rest
-from dynid.trajectory.trajectory import PoseFamily, StandingMotion, Trajectory, require_whole
 
 _JUMP = 1e-6
 """Largest jump where two parts meet: rad, rad/s and rad/s^2 (m for prismatic joints)."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, MotionBounds, Value, freeze, frozen, read_only, scipy_part
-from dynid.trajectory import fourier, trajectory
+from dynid.trajectory import base, fourier
 
 STEP = read_only(np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]))
 """From 0 to 1 with no velocity and acceleration at either end."""
@@ -37,7 +37,7 @@ _PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StraightMove(Value, trajectory.StandingMotion):
+class StraightMove(Value, base.StandingMotion):
     """From one pose to another along a straight line in joint space, at rest at both ends.
 
     Raises:
@@ -52,7 +52,7 @@ class StraightMove(Value, trajectory.StandingMotion):
     """Time from start to goal [s]."""
 
     def __post_init__(self) -> None:
-        trajectory.require_positive("the travel time", self.travel_time)
+        base.require_positive("the travel time", self.travel_time)
         freeze(self, start=(None,))
         freeze(self, goal=self.start.shape)
 
@@ -126,7 +126,7 @@ def rest_to_rest(
         name: frozen(value, shape=(bounds.joints,), name=name)
         for name, value in (("start", start), ("goal", goal))
     }
-    trajectory.require_share("margin", margin)
+    base.require_share("margin", margin)
     for name, pose in poses.items():
         fourier.require_inside(f"{name} pose", pose, bounds.lower, bounds.upper)
     way = np.abs(poses["goal"] - poses["start"])
@@ -143,7 +143,7 @@ def rest_to_rest(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FourierQuintic(Value, trajectory.StandingMotion):
+class FourierQuintic(Value, base.StandingMotion):
     """q = sum_l a_l sin(w l t) - b_l cos(w l t) + c(t), w = 2 pi / period, c of fifth order.
 
     The six coefficients of each c are those that make q(0) = start, q(period) = goal, and
@@ -168,7 +168,7 @@ class FourierQuintic(Value, trajectory.StandingMotion):
     """(n, H) negated cosine coefficients, harmonics 1 to H [rad or m]."""
 
     def __post_init__(self) -> None:
-        trajectory.require_positive("the period", self.period)
+        base.require_positive("the period", self.period)
         object.__setattr__(self, "period", float(self.period))
         start = frozen(self.start, shape=(None,), name="start")
         a, b = fourier.coefficients(self.a, self.b, len(start))
@@ -211,7 +211,7 @@ class FourierQuintic(Value, trajectory.StandingMotion):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FourierQuinticFamily(trajectory.SeriesFamily):
+class FourierQuinticFamily(base.SeriesFamily):
     """Fourier series with a fifth-order polynomial, from the offset back to the offset.
 
     Raises:
@@ -266,7 +266,7 @@ _REST = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BSpline(Value, trajectory.StandingMotion):
+class BSpline(Value, base.StandingMotion):
     """q = sum_i control_i B_i(t), with clamped knots at equal distances.
 
     Starts at the first control point and ends at the last one. With three equal control points at
@@ -285,8 +285,8 @@ class BSpline(Value, trajectory.StandingMotion):
     """Degree of the polynomials between the knots."""
 
     def __post_init__(self) -> None:
-        trajectory.require_positive("the travel time", self.travel_time)
-        trajectory.require_whole("the degree of a B-spline", self.degree, 3)
+        base.require_positive("the travel time", self.travel_time)
+        base.require_whole("the degree of a B-spline", self.degree, 3)
         object.__setattr__(self, "travel_time", float(self.travel_time))
         control = frozen(self.control, shape=(None, None), name="control points")
         if len(control) == 0 or control.shape[1] <= self.degree:
@@ -330,7 +330,7 @@ class BSpline(Value, trajectory.StandingMotion):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BSplineFamily(trajectory.PoseFamily):
+class BSplineFamily(base.PoseFamily):
     """B-splines from the offset back to the offset, exactly at rest at both ends.
 
     Raises:

@@ -7,13 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, InputError, freeze, frozen
-from dynid.trajectory import files, fourier, points, quintic
-from dynid.trajectory.trajectory import (
-    Trajectory,
-    require_positive,
-    require_rest,
-    require_whole,
-)
+from dynid.trajectory import base, files, fourier, points, quintic
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +47,7 @@ class Piece:
         return replace(self, polynomial=polynomial, a=self.b * turns, b=-self.a * turns)
 
 
-def pieces(trajectory: Trajectory) -> tuple[Piece, ...]:
+def pieces(trajectory: base.Trajectory) -> tuple[Piece, ...]:
     """The formulas of a trajectory, in their order; a Fourier series counts as one period.
 
     Raises:
@@ -133,10 +127,10 @@ def _piece(part: Piece, start: float) -> Iterable[str]:
     if part.polynomial.shape[1] > 1:
         yield f"s = {shift}/{decimal(part.duration)}"
     if part.harmonics:
-        base = 2.0 * math.pi / part.duration
+        fundamental = 2.0 * math.pi / part.duration
         for order in range(1, part.harmonics + 1):
-            yield f"s{order} = sin({decimal(order * base)}*{shift})"
-            yield f"c{order} = cos({decimal(order * base)}*{shift})"
+            yield f"s{order} = sin({decimal(order * fundamental)}*{shift})"
+            yield f"c{order} = cos({decimal(order * fundamental)}*{shift})"
     for joint, row in enumerate(part.polynomial, start=1):
         yield f"q{joint} = {_horner(row)}"
         terms = [
@@ -182,7 +176,7 @@ _WATCHDOG = 'rtde_set_watchdog("input_int_register_24", 10.0, "stop")'
 
 
 def ur_program(
-    trajectory: Trajectory,
+    trajectory: base.Trajectory,
     *,
     rate_hz: float = 125.0,
     repeats: int = 1,
@@ -216,9 +210,9 @@ def ur_program(
         InputError: Another number of joints, a motion that does not start and end at rest, a
             period that is no whole number of control cycles, or no period.
     """
-    require_positive("the control rate", rate_hz)
-    require_whole("repetitions", repeats, 1)
-    require_whole("settling periods", settle, 0)
+    base.require_positive("the control rate", rate_hz)
+    base.require_whole("repetitions", repeats, 1)
+    base.require_whole("settling periods", settle, 0)
     if trajectory.joints != _JOINTS:
         raise InputError("joints of a UR robot", value=trajectory.joints, limit=_JOINTS)
     cycles = whole_cycles(trajectory.duration, rate_hz)
@@ -226,7 +220,7 @@ def ur_program(
     if total > cycles:
         # Refuses a motion that does not end as it starts.
         points.Repetition(part=trajectory, times=2)
-    ends = require_rest(trajectory)
+    ends = base.require_rest(trajectory)
     parts = pieces(trajectory)
     way = [*(frozen(pose, shape=(_JOINTS,), name="way point") for pose in via), ends.q[0]]
     servo = f"0, 0, t={decimal(1.0 / rate_hz)},{_SERVO}"

@@ -11,22 +11,10 @@ import numpy as np
 
 from dynid.core import Array, InputError, JobError, Progress, require
 from dynid.drivers import driver
+from dynid.drivers.ur import variables
 from dynid.drivers.ur.control import UrRtde
 from dynid.drivers.ur.link import STOP_PROGRAM, Dashboard, RtdeLink, ScriptPort
 from dynid.drivers.ur.pump import Conversation, Intake, Pump, Refused
-from dynid.drivers.ur.state import (
-    APPROACHING,
-    DONE,
-    FEED,
-    INDEX,
-    SIGNALS,
-    STATE,
-    ControllerState,
-    Layout,
-    recorded,
-    recorded_names,
-    require_free,
-)
 from dynid.protocol import Numbers, Recipe, RuntimeState
 from dynid.trajectory import ur_program
 
@@ -34,7 +22,7 @@ _DRAIN_EVERY = 25
 """Cycles after which the states that the script port sends are thrown away."""
 
 
-Converse = Callable[[Layout, Recipe, ScriptPort], Conversation]
+Converse = Callable[[variables.Layout, Recipe, ScriptPort], Conversation]
 """Begins the conversation that moves the robot; everything else is ready by then."""
 Record = Callable[[Converse], driver.Outcome]
 
@@ -47,7 +35,7 @@ class RtdeDriver(driver.Driver):
     slack: ClassVar[int] = 0
     """Cycles by which the set points may be late before the robot is stopped."""
 
-    def __init__(self, state: ControllerState) -> None:
+    def __init__(self, state: variables.ControllerState) -> None:
         self.state = state
 
     @property
@@ -55,8 +43,10 @@ class RtdeDriver(driver.Driver):
         """See `Driver.source`."""
         state, version = self.state, ".".join(map(str, self.state.version))
         return driver.Source(
-            quantities=tuple(SIGNALS),
-            channels=tuple(name for name, _ in recorded(state.version[:3], self.index).channels),
+            quantities=tuple(variables.SIGNALS),
+            channels=tuple(
+                name for name, _ in variables.recorded(state.version[:3], self.index).channels
+            ),
             format="rtde",
             origin=f"{state.model or 'UR'} at {state.host}, software {version}",
             extra={
@@ -99,8 +89,11 @@ class RtdeDriver(driver.Driver):
                 way=np.stack([*execution.via, execution.setpoints()[0]]),
             )
             with closing(RtdeLink(host)) as link:
-                names = recorded_names(link.version[:3], self.index)
-                layout, feed = Layout.of(link.ask_outputs(names)), link.ask_inputs([FEED])
+                names = variables.recorded_names(link.version[:3], self.index)
+                layout, feed = (
+                    variables.Layout.of(link.ask_outputs(names)),
+                    link.ask_inputs([variables.FEED]),
+                )
                 with closing(ScriptPort(host)) as port:
                     link.write(feed.packet([-1]))
                     link.start()
@@ -115,7 +108,7 @@ class RtdeDriver(driver.Driver):
                     return Intake(execution, layout, recorder, progress).take(pump)
 
         # A check before the first pass knows nothing of what was started between two.
-        require_free(host)
+        variables.require_free(host)
         # To collect all that is loaded takes as long as the watchdog waits: before, not meanwhile.
         gc.collect()
         gc.freeze()
@@ -128,7 +121,7 @@ class RtdeDriver(driver.Driver):
 class UrDriver(RtdeDriver):
     """Uploads a program that evaluates the motion, feeds it, records and watches every cycle."""
 
-    index = INDEX
+    index = variables.INDEX
 
     def move(
         self, execution: driver.Execution, cancel: threading.Event, record: Record
@@ -142,7 +135,7 @@ class UrDriver(RtdeDriver):
             via=execution.via[1:],
         )
 
-        def converse(layout: Layout, feed: Recipe, port: ScriptPort) -> Conversation:
+        def converse(layout: variables.Layout, feed: Recipe, port: ScriptPort) -> Conversation:
             if not cancel.is_set():
                 port.send(program)
             return _Program(layout, feed, port)
@@ -153,7 +146,7 @@ class UrDriver(RtdeDriver):
 class _Program:
     """The conversation with our program: it is fed, and tells what it does."""
 
-    def __init__(self, layout: Layout, feed: Recipe, port: ScriptPort) -> None:
+    def __init__(self, layout: variables.Layout, feed: Recipe, port: ScriptPort) -> None:
         self._layout, self._port = layout, port
         self._fodder = (feed.packet([0]), feed.packet([1]))
         self._count = 0
@@ -170,13 +163,13 @@ class _Program:
         return (
             cycle.runtime_state == RuntimeState.PLAYING
             and cycle.index == -1
-            and self._layout.number(numbers, STATE) == APPROACHING
+            and self._layout.number(numbers, variables.STATE) == variables.APPROACHING
         )
 
     def over(self, cycle: driver.Cycle, numbers: Numbers) -> bool:
         """Whether it has come to rest."""
         stopped = cycle.runtime_state != RuntimeState.PLAYING
-        return stopped or self._layout.number(numbers, STATE) == DONE
+        return stopped or self._layout.number(numbers, variables.STATE) == variables.DONE
 
     def halt(self) -> None:
         """Another program takes its place; it is fed no more."""
@@ -217,9 +210,9 @@ class ServojDriver(RtdeDriver):
         MissingExtraError: ur_rtde is not installed.
     """
 
-    index, slack = FEED, SLACK
+    index, slack = variables.FEED, SLACK
 
-    def __init__(self, state: ControllerState) -> None:
+    def __init__(self, state: variables.ControllerState) -> None:
         super().__init__(state)
         require("rtde_control", "ur")
 
@@ -309,7 +302,7 @@ class Stream:
     def __init__(
         self,
         control: Any,
-        layout: Layout,
+        layout: variables.Layout,
         feed: Recipe,
         port: ScriptPort,
         execution: driver.Execution,

@@ -11,7 +11,7 @@ from typing import Protocol
 from dynid.core import DynidError, JobError, Progress
 from dynid.drivers import driver
 from dynid.drivers.ur.link import Disconnected, RtdeLink
-from dynid.drivers.ur.state import Layout
+from dynid.drivers.ur.variables import Layout
 from dynid.protocol import Numbers, RuntimeState
 
 START_S = 10.0

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from dynid.core import Array
-from dynid.recording.record import are_poses
+from dynid.recording.records import are_poses
 from dynid.recording.table import TORQUE_SOURCES, Mask, RawTable, Rows, rows_with
 
 DEGREE = np.pi / 180

@@ -9,15 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, Finding, RecordError, UnclearRecordError
-from dynid.recording.content import located
-from dynid.recording.record import (
-    UNITS,
-    ExperimentRecord,
-    RecordMetadata,
-    are_poses,
-    identity,
-    signals_hash,
-)
+from dynid.recording import content, records
 from dynid.recording.repair import clock, joints, missing, motion
 from dynid.recording.table import TORQUE_SOURCES, Mask, RawTable, ReadOptions, rows_with
 from dynid.robot import RobotModel
@@ -26,7 +18,7 @@ _SCALES = {"q": (0.0, 1e5), "qd": (0.0, 1e5), "effort": (1e-9, 1e7), "current": 
 """Quantity to the largest value of a joint below and above which no arm can be."""
 
 
-def check_channels(record: ExperimentRecord) -> tuple[Finding, ...]:
+def check_channels(record: records.ExperimentRecord) -> tuple[Finding, ...]:
     """Channels of torque that do not change, and values that no arm can have.
 
     Args:
@@ -48,12 +40,12 @@ def check_channels(record: ExperimentRecord) -> tuple[Finding, ...]:
         for joint in np.flatnonzero(absurd).tolist():
             finding = Finding(
                 "unit_suspect",
-                f"{quantity} of joint {joint + 1} reaches {size[joint]:.4g} {UNITS[quantity]}, "
-                "which no arm does",
+                f"{quantity} of joint {joint + 1} reaches {size[joint]:.4g} "
+                f"{records.UNITS[quantity]}, which no arm does",
                 severity="error",
                 joints=(joint,),
                 value=float(size[joint]),
-                unit=UNITS[quantity],
+                unit=records.UNITS[quantity],
                 next_step="check column and unit",
             )
             found.append(finding)
@@ -70,29 +62,31 @@ def check_channels(record: ExperimentRecord) -> tuple[Finding, ...]:
                 f"{quantity} of {which} is {value + 0.0:.4g} on every row",
                 joints=tuple(alike),
                 value=value,
-                unit=UNITS[quantity],
+                unit=records.UNITS[quantity],
                 next_step="check column and sensor",
             )
             found.append(finding)
     return tuple(found)
 
 
-def checked_records(records: Sequence[ExperimentRecord]) -> list[ExperimentRecord]:
+def checked_records(
+    recordings: Sequence[records.ExperimentRecord],
+) -> list[records.ExperimentRecord]:
     """Recordings fit for identification, with what was found among their problems.
 
     One that is there twice counts once: the first carries the finding `duplicate_record`.
 
     Args:
-        records: The recordings that are to be identified from, together.
+        recordings: The recordings that are to be identified from, together.
 
     Raises:
         RecordError: A recording without a torque that changes, or with an absurd scale.
     """
-    kept: list[ExperimentRecord] = []
+    kept: list[records.ExperimentRecord] = []
     places: dict[str, int] = {}
-    for number, record in enumerate(records, 1):
+    for number, record in enumerate(recordings, 1):
         # Of one file imported twice, or of one run in two formats or with other stamps.
-        own = (identity(record), signals_hash(record))
+        own = (records.identity(record), records.signals_hash(record))
         first = next((places[one] for one in own if one in places), None)
         if first is not None:
             note = Finding(
@@ -111,7 +105,7 @@ def checked_records(records: Sequence[ExperimentRecord]) -> list[ExperimentRecor
     return kept
 
 
-def _refuse(record: ExperimentRecord, findings: Sequence[Finding]) -> None:
+def _refuse(record: records.ExperimentRecord, findings: Sequence[Finding]) -> None:
     where = record.metadata.origin or None
     for finding in findings:
         if finding.kind == "unit_suspect" and finding.severity == "error" and finding.joints:
@@ -281,7 +275,7 @@ class Rule:
 
 def repair(
     table: RawTable, options: ReadOptions, robot: RobotModel | None = None
-) -> ExperimentRecord:
+) -> records.ExperimentRecord:
     """Check a raw table, repair what can be repaired, and report all of it.
 
     Args:
@@ -292,7 +286,7 @@ def repair(
     Raises:
         RecordError: What is left is no recording of this robot.
     """
-    with located(table.source):
+    with content.located(table.source):
         for rule in RULES:
             if table.samples < rule.rows or table.clock not in rule.clocks:
                 continue
@@ -323,7 +317,7 @@ def _start_clock(table: RawTable, rate_hz: float | None) -> RawTable:
                 next_step="Check the column of time, or leave it out and pass --rate.",
             )
         return table
-    if rate_hz is None and are_poses(table.signals["q"]):
+    if rate_hz is None and records.are_poses(table.signals["q"]):
         # Single poses need no clock.
         rate_hz = 1.0
     if rate_hz is None:
@@ -341,12 +335,12 @@ def _require_rows(table: RawTable) -> RawTable:
     return table
 
 
-def _record(table: RawTable, robot: RobotModel | None) -> ExperimentRecord:
+def _record(table: RawTable, robot: RobotModel | None) -> records.ExperimentRecord:
     t = table.stamps
     extra = {**table.extra, "t0": table.t0}
     if table.notes:
         extra["notes"] = "; ".join(table.notes)
-    metadata = RecordMetadata(
+    metadata = records.RecordMetadata(
         robot=robot.name if robot else None,
         joint_names=table.joint_names,
         origin=table.source,
@@ -355,7 +349,7 @@ def _record(table: RawTable, robot: RobotModel | None) -> ExperimentRecord:
         dropped_rows=table.dropped,
         extra=extra,
     )
-    record = ExperimentRecord(
+    record = records.ExperimentRecord(
         t=t - t[0],
         signals=table.signals,
         metadata=metadata,
