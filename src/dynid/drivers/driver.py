@@ -11,16 +11,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dynid import trajectory
 from dynid.core import Array, Finding, InputError, Progress, freeze
 from dynid.protocol import RobotMode, RuntimeState, SafetyMode
-from dynid.trajectory import (
-    Repetition,
-    Trajectory,
-    require_positive,
-    require_rest,
-    require_whole,
-    whole_cycles,
-)
+from dynid.trajectory import Trajectory
 
 WATCHDOG_HZ = 10.0
 """How often a program on a controller must be fed; without it that stops it after 0.1 s."""
@@ -316,14 +310,14 @@ class Execution:
     [rad or m]. Empty: it comes straight, from wherever it stands."""
 
     def __post_init__(self) -> None:
-        require_whole("periods", self.periods, 1)
-        require_whole("settling periods", self.settle, 0)
-        require_positive("the control rate", self.rate_hz)
-        whole_cycles(self.trajectory.duration, self.rate_hz)
-        require_rest(self.trajectory)
+        trajectory.require_whole("periods", self.periods, 1)
+        trajectory.require_whole("settling periods", self.settle, 0)
+        trajectory.require_positive("the control rate", self.rate_hz)
+        trajectory.whole_cycles(self.trajectory.duration, self.rate_hz)
+        trajectory.require_rest(self.trajectory)
         if self.settle + self.periods > 1:
             # Refuses a motion that does not end as it starts.
-            Repetition(part=self.trajectory, times=2)
+            trajectory.Repetition(part=self.trajectory, times=2)
 
     @property
     def cycles(self) -> int:

@@ -14,17 +14,11 @@ from types import FrameType
 
 import numpy as np
 
+from dynid import trajectory
 from dynid.core import Array, DynidError, Finding, InputError, Progress
 from dynid.drivers import Abort, Driver, Execution, Outcome, Recorder, WatchLimits
 from dynid.robot import RobotModel
-from dynid.trajectory import (
-    MotionSequence,
-    Repetition,
-    Trajectory,
-    require_rest,
-    require_share,
-    whole_cycles,
-)
+from dynid.trajectory import Trajectory
 
 _CLOCKS = ("period", "travel_time")
 _SPEED = "the share of the speed"
@@ -38,12 +32,12 @@ def slowed(motion: Trajectory, share: float) -> Trajectory:
     Raises:
         InputError: A share out of range, or a motion without a period or travel time.
     """
-    require_share(_SPEED, share)
+    trajectory.require_share(_SPEED, share)
     if share == 1.0:
         return motion
-    if isinstance(motion, MotionSequence):
+    if isinstance(motion, trajectory.MotionSequence):
         return replace(motion, parts=tuple(slowed(part, share) for part in motion.parts))
-    if isinstance(motion, Repetition):
+    if isinstance(motion, trajectory.Repetition):
         return replace(motion, part=slowed(motion.part, share))
     for clock in _CLOCKS:
         if is_dataclass(motion) and hasattr(motion, clock):
@@ -56,7 +50,7 @@ def whole_cycles_share(duration: float, share: float, rate_hz: float) -> float:
 
     The duration is that at full speed [s].
     """
-    require_share(_SPEED, share)
+    trajectory.require_share(_SPEED, share)
     cycles = math.ceil(duration * rate_hz / share - 1e-6)
     return duration * rate_hz / cycles
 
@@ -107,10 +101,10 @@ class ExperimentPlan:
 
     def __post_init__(self) -> None:
         if self.slow is not None:
-            require_share(_SPEED, self.slow)
+            trajectory.require_share(_SPEED, self.slow)
         if not (math.isfinite(self.warm_up_s) and self.warm_up_s >= 0):
             raise InputError("the time to warm up", value=self.warm_up_s, limit="0 s or more")
-        whole_cycles(self.trajectory.duration, self.rate_hz)
+        trajectory.whole_cycles(self.trajectory.duration, self.rate_hz)
         self._check_ends()
 
     def _check_ends(self) -> None:
@@ -119,7 +113,7 @@ class ExperimentPlan:
                 f"the motion has {self.trajectory.joints} joints but {self.robot.name} has "
                 f"{self.robot.joints}"
             )
-        ends = require_rest(self.trajectory)
+        ends = trajectory.require_rest(self.trajectory)
         gap = np.abs(ends.q[1] - ends.q[0])
         if self.repeats and (gap > _CLOSED).any():
             joint = int(np.argmax(gap))

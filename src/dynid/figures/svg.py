@@ -15,21 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, check_word, in_one_piece, require, write_text
-from dynid.figures.marks import (
-    FONT,
-    Axis,
-    Band,
-    Bars,
-    LegendEntry,
-    Line,
-    Mark,
-    Points,
-    Ranges,
-    Spans,
-    colour,
-    legend,
-    thinned,
-)
+from dynid.figures import marks
+from dynid.figures.marks import Axis, Mark
 
 FLUID = (20000.0, 10000.0)
 """Units of the inner picture of a plot in a page: finer than pixels at every zoom."""
@@ -86,9 +73,9 @@ class Figure:
     rows: bool = False
 
     @property
-    def legend(self) -> tuple[LegendEntry, ...]:
+    def legend(self) -> tuple[marks.LegendEntry, ...]:
         """What the marks are called."""
-        return legend([mark for panel in self.panels for mark in panel.marks])
+        return marks.legend([mark for panel in self.panels for mark in panel.marks])
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +107,7 @@ class _Ground:
             return f'class="ln {role}" style="stroke-width:{width:g}{dashed}"'
         dashed = " ".join(f"{float(d) * FINE:g}" for d in dash.split())
         return (
-            f'fill="none" stroke="{colour(role)}" stroke-width="{width * FINE:g}"'
+            f'fill="none" stroke="{marks.colour(role)}" stroke-width="{width * FINE:g}"'
             ' stroke-linejoin="round" stroke-linecap="round"'
             + (f' stroke-dasharray="{dashed}"' if dash else "")
         )
@@ -128,7 +115,7 @@ class _Ground:
     def area(self, role: str) -> str:
         if self.size is None:
             return f'class="ar {role}"'
-        return f'fill="{colour(role)}"'
+        return f'fill="{marks.colour(role)}"'
 
     def text(
         self,
@@ -139,7 +126,7 @@ class _Ground:
         anchor: str = "middle",
         size: float = 12,
     ) -> str:
-        paint = f'class="{role}"' if self.size is None else f'fill="{colour(role)}"'
+        paint = f'class="{role}"' if self.size is None else f'fill="{marks.colour(role)}"'
         return (
             f'<text x="{x}" y="{y}" dy=".35em" {paint} text-anchor="{anchor}" '
             f'font-size="{size:g}">{escape(text)}</text>'
@@ -166,13 +153,13 @@ def _path(x: Array, y: Array) -> str:
 def _strokes(sheet: _Ground, mark: Mark) -> Iterator[str]:
     """The mark as elements of the inner picture."""
     wide, tall = sheet.units
-    if isinstance(mark, Line):
+    if isinstance(mark, marks.Line):
         x, y = np.asarray(mark.x, dtype=np.float64), np.asarray(mark.y, dtype=np.float64)
-        chosen = thinned(y)
+        chosen = marks.thinned(y)
         named = f' data-n="{escape(mark.name)}"' if mark.name and sheet.size is None else ""
         path = _path(sheet.across(x[chosen]), sheet.up(y[chosen]))
         yield f'<path {sheet.stroke(mark.role, mark.width, mark.dash)}{named} d="{path}"/>'
-    elif isinstance(mark, Points):
+    elif isinstance(mark, marks.Points):
         x, y = sheet.across(mark.x), sheet.up(mark.y)
         known = np.isfinite(x) & np.isfinite(y)
         path = "".join(f"M{a:.0f} {b:.0f}h1" for a, b in zip(x[known], y[known], strict=True))
@@ -180,11 +167,11 @@ def _strokes(sheet: _Ground, mark: Mark) -> Iterator[str]:
         yield f'<path {sheet.stroke(mark.role, mark.size)}{faint} d="{path}"/>'
         if mark.hollow:
             yield f'<path {sheet.stroke("ground", mark.size - 2.6)} d="{path}"/>'
-    elif isinstance(mark, Band):
+    elif isinstance(mark, marks.Band):
         x = np.concatenate([np.asarray(mark.x), np.asarray(mark.x)[::-1]])
         y = np.concatenate([np.asarray(mark.low), np.asarray(mark.high)[::-1]])
         yield f'<path {sheet.area(mark.role)} d="{_path(sheet.across(x), sheet.up(y))}z"/>'
-    elif isinstance(mark, Bars):
+    elif isinstance(mark, marks.Bars):
         at, half = np.asarray(mark.at, dtype=np.float64), mark.thickness / 2
         along, beside = (np.zeros(len(at)), np.asarray(mark.length)), (at - half, at + half)
         x, y = (along, beside) if mark.across else (beside, along)
@@ -195,7 +182,7 @@ def _strokes(sheet: _Ground, mark: Mark) -> Iterator[str]:
             if np.isfinite(a + b + c + d)
         )
         yield f'<path {sheet.area(mark.role)} d="{path}"/>'
-    elif isinstance(mark, Ranges):
+    elif isinstance(mark, marks.Ranges):
         first, second = (sheet.across, sheet.up) if mark.across else (sheet.up, sheet.across)
         low, high, at = first(mark.low), first(mark.high), second(mark.at)
         path = "".join(
@@ -204,7 +191,7 @@ def _strokes(sheet: _Ground, mark: Mark) -> Iterator[str]:
             if np.isfinite(a + b + c)
         )
         yield f'<path {sheet.stroke(mark.role, mark.width)} d="{path}"/>'
-    elif isinstance(mark, Spans):
+    elif isinstance(mark, marks.Spans):
         ends = sheet.across(np.asarray(mark.stretches, dtype=np.float64).reshape(-1, 2))
         path = "".join(f"M{a:.0f} 0H{b:.0f}V{tall:.0f}H{a:.0f}z" for a, b in ends)
         yield f'<path {sheet.area(mark.role)} d="{path}"/>'
@@ -247,11 +234,11 @@ def _picture(sheet: _Ground, panel: Panel, most: int, ticks: bool, named: bool =
         drawn.append(f'<g class="yt">{texts}</g>')
     if ticks:
         below = "100%" if sheet.size is None else f"{sheet.size[1]:g}"
-        marks = "".join(
+        labels = "".join(
             sheet.text(sheet.place(float(sheet.x.share(value)), 0), below, text)
             for value, text in columns
         )
-        drawn.append(f'<g class="xt" transform="translate(0 14)">{marks}</g>')
+        drawn.append(f'<g class="xt" transform="translate(0 14)">{labels}</g>')
     return "".join(drawn)
 
 
@@ -270,7 +257,7 @@ def plot(panel: Panel, x: Axis, *, ticks: bool = True, most: int = 7, link: str 
         link: Plots with the same link share cursor and zoom.
     """
     axis = panel.x or x
-    names = ", ".join(entry.name for entry in legend(panel.marks))
+    names = ", ".join(entry.name for entry in marks.legend(panel.marks))
     said = f"{panel.title} {panel.y.label} over {axis.label}: {names}".strip(" :")
     linked = (
         f' data-link="{escape(link)}" data-x="{axis.low:.9g},{axis.high:.9g}"'
@@ -291,7 +278,7 @@ def margin(panels: Sequence[Panel]) -> float:
     return 14 + CHARACTER * longest
 
 
-def key(entries: Sequence[LegendEntry]) -> str:
+def key(entries: Sequence[marks.LegendEntry]) -> str:
     """A legend for a page."""
     shown = "".join(
         f'<span><i class="{entry.swatch} {entry.role}"></i>{escape(entry.name)}</span>'
@@ -346,7 +333,7 @@ def document(figure: Figure) -> str:
             x, y = EDGE, y + 18
         thick = 10 if entry.swatch == "box" else 3
         parts.append(
-            f'<path d="M{x} {y}h18" stroke="{colour(role)}" stroke-width="{thick}"/>'
+            f'<path d="M{x} {y}h18" stroke="{marks.colour(role)}" stroke-width="{thick}"/>'
             + page.text(f"{x + 24}", f"{y}", name, "ink2", "start")
         )
         x += 44 + CHARACTER * len(name)
@@ -378,9 +365,9 @@ def document(figure: Figure) -> str:
     tall = y + EDGE
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH:g}" height="{tall:.0f}" '
-        f'viewBox="0 0 {WIDTH:g} {tall:.0f}" font-family="{escape(FONT)}">'
+        f'viewBox="0 0 {WIDTH:g} {tall:.0f}" font-family="{escape(marks.FONT)}">'
         f"<title>{escape(figure.title)}</title>"
-        f'<rect width="100%" height="100%" fill="{colour("ground")}"/>'
+        f'<rect width="100%" height="100%" fill="{marks.colour("ground")}"/>'
         f"{''.join(parts)}</svg>"
     )
 

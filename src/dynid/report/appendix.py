@@ -7,6 +7,7 @@ import numpy as np
 
 from dynid import core, identification, validation
 from dynid import figures as draw
+from dynid.report import figures, screens
 from dynid.report.contents import (
     JudgedMotion,
     ReportContents,
@@ -14,14 +15,6 @@ from dynid.report.contents import (
     ReportedEstimate,
     joint_labels,
 )
-from dynid.report.figures import (
-    changes_figure,
-    correlation_figure,
-    parameter_figure,
-    residual_figure,
-    singular_figure,
-)
-from dynid.report.screens import LEVEL_WORDS
 
 SAMPLES = 1000
 QUANTITIES = (("position", "rad"), ("velocity", "rad/s"), ("acceleration", "rad/s^2"))
@@ -154,14 +147,17 @@ def chapters(contents: ReportContents) -> Iterator[Chapter]:
         yield _standard(item, item.links)
     if item.shown is not None:
         words = "A shape in a cloud is what the model lacks: a step at zero velocity is friction."
-        drawn = [residual_figure(item, item.shown), correlation_figure(item, item.shown)]
+        drawn = [
+            figures.residual_figure(item, item.shown),
+            figures.correlation_figure(item, item.shown),
+        ]
         yield Chapter("Residuals", figures=drawn, words=words)
     if item.base is not None:
-        yield Chapter("Identifiability", figures=[singular_figure(item.base)])
+        yield Chapter("Identifiability", figures=[figures.singular_figure(item.base)])
     if len(contents.estimates) > 1:
         yield _others(contents)
     for first, second, compared in contents.comparisons:
-        changes = changes_figure(first, second, compared)
+        changes = figures.changes_figure(first, second, compared)
         own = [told for told in compared.warnings if told.kind in validation.OF_COMPARISON]
         rows = [
             (
@@ -267,7 +263,7 @@ def _parameters(item: ReportedEstimate) -> Chapter:
     return Chapter(
         f"Base parameters ({len(rows)})",
         [Table(("name", "value", "unit", "std", "std [%]", "", "combination"), rows)],
-        [parameter_figure(estimate)],
+        [figures.parameter_figure(estimate)],
         f"{len(rows)} combinations of the {len(estimate.model.columns)} standard parameters are "
         "identifiable. The last column says which combination a name stands for. Standard "
         "deviations allow for autocorrelated residuals. Without those that are not essential, the "
@@ -301,7 +297,7 @@ def _others(contents: ReportContents) -> Chapter:
         rows.append(
             (
                 item.label or item.name,
-                LEVEL_WORDS[item.level],
+                screens.LEVEL_WORDS[item.level],
                 draw.number(error, 2),
                 str(len(item.estimate.values)),
                 item.estimate.estimator,

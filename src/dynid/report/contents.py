@@ -3,16 +3,11 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dynid import diagnosis, identification, reduction
+from dynid import diagnosis, identification, reduction, validation
 from dynid.core import Array, Finding, MotionBounds, printable
 from dynid.robot import RobotModel
 from dynid.trajectory import Trajectory
-from dynid.validation import (
-    DecidingErrors,
-    ParameterComparison,
-    ValidationResult,
-    deciding_errors,
-)
+from dynid.validation import DecidingErrors, ParameterComparison, ValidationResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +70,7 @@ class ReportedEstimate:
         if (shown := self.shown) is None:
             return None
         slides = self.estimate.model.robot.prismatic
-        return deciding_errors(shown.measured, shown.predicted, shown.moves, slides)
+        return validation.deciding_errors(shown.measured, shown.predicted, shown.moves, slides)
 
     @property
     def level(self) -> str:

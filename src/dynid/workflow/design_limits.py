@@ -6,19 +6,9 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from dynid.constraints import (
-    CLEARANCE,
-    FLOORS,
-    MARGIN,
-    PRESETS,
-    MotionConstraints,
-    paper_constraints,
-    safe_constraints,
-    scene_from_json,
-)
+from dynid import constraints, settings
 from dynid.core import InputError, JsonFields, check_word, load_object
 from dynid.robot import RobotModel, with_tool
-from dynid.settings import LimitSettings, SceneSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,15 +32,15 @@ class DesignLimits:
     """(3) the tool's point in the flange's frame [m]; None for the robot's own."""
     payload: tuple[float, ...] | None = None
     """(4) mass that the flange carries [kg] and its centre [m]; None for the robot's own."""
-    margin_percent: float = 100.0 * MARGIN
+    margin_percent: float = 100.0 * constraints.MARGIN
     """Of the limits of velocity, speed, torque, momentum and power, kept free."""
-    clearance: float = CLEARANCE
+    clearance: float = constraints.CLEARANCE
     """Smallest distance between bodies [m]."""
     mesh_dirs: tuple[str, ...] = ()
     """Folders where meshes of the robot are looked for, beside the usual places."""
 
     def __post_init__(self) -> None:
-        check_word(self.preset, PRESETS, "--limits")
+        check_word(self.preset, constraints.PRESETS, "--limits")
         for name, numbers, count in (("--tool", self.tool, 3), ("--payload", self.payload, 4)):
             if numbers is not None and not (
                 len(numbers) == count and all(math.isfinite(x) for x in numbers)
@@ -65,7 +55,7 @@ class DesignLimits:
         """
         return with_tool(robot, tcp=self.tool, payload=self.payload)
 
-    def constraints(self, robot: RobotModel) -> MotionConstraints:
+    def constraints(self, robot: RobotModel) -> constraints.MotionConstraints:
         """The judge of these limits, for the robot with its tool.
 
         Raises:
@@ -73,11 +63,11 @@ class DesignLimits:
                 robot.
         """
         if self.preset == "paper":
-            return paper_constraints(robot)
+            return constraints.paper_constraints(robot)
         scene = None
         if self.scene is not None:
-            scene = scene_from_json(JsonFields(self.scene), self.scene_file or "scene")
-        return safe_constraints(
+            scene = constraints.scene_from_json(JsonFields(self.scene), self.scene_file or "scene")
+        return constraints.safe_constraints(
             self.equipped(robot),
             scene,
             collision=self.collision,
@@ -92,7 +82,7 @@ class DesignLimits:
         return {name: list(x) if isinstance(x, tuple) else x for name, x in values.items()}  # pyright: ignore[reportUnknownArgumentType]
 
 
-def given_limits(asked: SceneSettings, base: DesignLimits | None = None) -> DesignLimits:
+def given_limits(asked: settings.SceneSettings, base: DesignLimits | None = None) -> DesignLimits:
     """The limits that are asked for; what is None is that of `base`.
 
     Surroundings alone are asked for with all safe limits.
@@ -102,7 +92,7 @@ def given_limits(asked: SceneSettings, base: DesignLimits | None = None) -> Desi
     """
     preset, collision = "safe", True
     around: dict[str, object] = {"--scene": asked.scene, "--floor": asked.floor}
-    if isinstance(asked, LimitSettings):
+    if isinstance(asked, settings.LimitSettings):
         preset, collision = asked.limits, asked.collision
         around["--clearance"] = asked.clearance
         if preset == "paper":
@@ -126,7 +116,7 @@ def given_limits(asked: SceneSettings, base: DesignLimits | None = None) -> Desi
 
 def _refuse_given(values: Mapping[str, object], needed: str) -> None:
     for name, value in values.items():
-        if value is not None and value not in FLOORS:
+        if value is not None and value not in constraints.FLOORS:
             said = f"it is looked at only with {needed}"
             raise InputError(said, where=name, value=str(value))
 

@@ -1,7 +1,5 @@
 """A simulated UR controller: the real protocols in front of a simulated arm."""
 
-from __future__ import annotations
-
 import importlib
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any

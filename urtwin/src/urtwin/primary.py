@@ -73,7 +73,8 @@ def configuration_data(machine: ControllerMachine) -> bytes:
     positions = np.nan_to_num(np.column_stack([limits.lower, limits.upper]), nan=0.0)
     motions = np.nan_to_num(np.column_stack([limits.velocity, limits.acceleration]), nan=0.0)
     name = arm.plant.arm.robot.name.removesuffix("e")
-    kind = (_MASTERBOARD, _BOX, _TYPES.get(name, 0), _subtype(machine))
+    subtype = _CB_SUBTYPE if machine.core.version[0] < 5 else _E_SUBTYPE
+    kind = (_MASTERBOARD, _BOX, _TYPES.get(name, 0), subtype)
     defaults = (*positions.ravel(), *motions.ravel(), *_JOINT_DEFAULTS, *_TOOL_DEFAULTS)
     return struct.pack(">53d4i", *defaults, _EQUIVALENT_RADIUS, *a, *d, *alpha, *theta, *kind)
 
@@ -94,10 +95,6 @@ def dh_table(robot: RobotModel) -> tuple[Array, Array, Array, Array]:
             a = math.cos(theta) * step[0, 3] + math.sin(theta) * step[1, 3]
             rows[k] = (theta, a, step[2, 3], math.atan2(step[2, 1], step[2, 2]))
     return rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3]
-
-
-def _subtype(machine: ControllerMachine) -> int:
-    return _CB_SUBTYPE if machine.core.version[0] < 5 else _E_SUBTYPE
 
 
 def robot_state(machine: ControllerMachine, *, first: bool = False) -> bytes:

@@ -160,14 +160,6 @@ def described(value: Value) -> str:
     return kinds.get(value.__class__, f"the number {value}")
 
 
-def _wrapped(value: int) -> int:
-    return (
-        value
-        if -0x80000000 <= value < 0x80000000
-        else (value + 0x80000000) % 0x100000000 - 0x80000000
-    )
-
-
 def _elementwise(operation: Callable[[Value, Value], Value], a: Value, b: Value) -> Value:
     """Lists with lists of the same length, or with a number."""
     if a.__class__ is not list:
@@ -236,7 +228,7 @@ def _remainder(a: Value, b: Value) -> Value:
 
 
 def _number_result(value: float) -> Value:
-    return _wrapped(value) if value.__class__ is int else value  # type: ignore[arg-type]
+    return (value + 0x80000000) % 0x100000000 - 0x80000000 if value.__class__ is int else value
 
 
 OPERATORS: dict[str, Callable[[Value, Value], Value]] = {
