@@ -14,18 +14,13 @@ from typing import TypeVar, cast
 import numpy as np
 
 from dynid import core
-from dynid.recording.arrayfiles import read_frame, read_hdf5, read_json, read_mat, read_npz
+from dynid.recording import arrayfiles, content, formats, isolation, store, stored
 from dynid.recording.bags import bag_files, read_bag
 from dynid.recording.columns import parse_columns
-from dynid.recording.content import Budget, first_bytes, located
 from dynid.recording.csv import are_one_run, read_csv
-from dynid.recording.formats import FORMATS, content_kind, unpacked
-from dynid.recording.isolation import read_isolated, serve
 from dynid.recording.records import ExperimentRecord, with_gains
 from dynid.recording.repair.joints import refuse_degrees
 from dynid.recording.repair.pipeline import repair
-from dynid.recording.store import fitted, partial_path, read_own
-from dynid.recording.stored import LONG, AnyRecording, StoredRecording, open_stored, stored_rows
 from dynid.recording.table import RawTable, ReadOptions
 from dynid.robot import RobotLike, RobotModel, load_robot
 
@@ -54,7 +49,7 @@ def _given_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
     # os.path says False where Path raises, as for names that no file can have.
     if len(files) == 1 and not os.path.exists(files[0]) and os.path.isfile(f"{files[0]}.partial"):
         # A recording that was interrupted: what there is of it.
-        return [partial_path(files[0])]
+        return [store.partial_path(files[0])]
     for file in files:
         try:
             size = file.stat().st_size
@@ -108,18 +103,18 @@ def _in_folder(folder: Path) -> list[Path]:
 OWN = "own"
 """Of `ReadOptions.format`: a recording of ours and nothing else."""
 _TEXT = ("auto", "csv", "ur-csv", "ur-rtde-csv")
-Reader = Callable[[list[Path], ReadOptions, Budget], RawTable]
+Reader = Callable[[list[Path], ReadOptions, content.Budget], RawTable]
 """Reads the files of one recording, within a budget, as the user says. Of a format that holds
 arrays, columns say quantity to path (`q=rec.act_pos,t=rec.time`). Raises RecordError for files that
 are damaged or lack the columns, MissingExtraError without the format's extra."""
 _READERS: dict[str, Reader] = {
     **dict.fromkeys(_TEXT, read_csv),
     **dict.fromkeys(("rosbag", "mcap"), read_bag),
-    "arrow": read_frame,
-    "json": read_json,
-    "hdf5": read_hdf5,
-    "npz": read_npz,
-    "mat": read_mat,
+    "arrow": arrayfiles.read_frame,
+    "json": arrayfiles.read_json,
+    "hdf5": arrayfiles.read_hdf5,
+    "npz": arrayfiles.read_npz,
+    "mat": arrayfiles.read_mat,
 }
 
 MAX_RATE_HZ = 1e6
@@ -188,15 +183,15 @@ def read_recording(
         rate_hz=rate_hz,
         degrees=degrees,
     )
-    table = read_isolated(given, options)
+    table = isolation.read_isolated(given, options)
     if isinstance(table, ExperimentRecord):
         if columns is not None or degrees or joint_order is not None:
             raise core.RecordError(
                 "a dynid recording is complete: columns, degrees and joint order do not apply",
                 where=given[0].name,
             )
-        with located(given[0].name):
-            record = fitted(table, robot)
+        with content.located(given[0].name):
+            record = store.fitted(table, robot)
     else:
         record = repair(table, options, robot)
         origin = ", ".join(str(file) for file in given)
@@ -207,7 +202,7 @@ def read_recording(
 
 def serve_requests() -> None:
     """Read files for a parent process; see `read_isolated`."""
-    serve(read_table)
+    isolation.serve(read_table)
 
 
 def read_record(path: str | Path) -> ExperimentRecord:
@@ -225,14 +220,14 @@ def read_record(path: str | Path) -> ExperimentRecord:
         raise core.RecordError(
             said, where=str(path), next_step="Read it with dynid.read_recording."
         )
-    found = read_isolated(_given_files(path), ReadOptions(format=OWN))
+    found = isolation.read_isolated(_given_files(path), ReadOptions(format=OWN))
     if not isinstance(found, ExperimentRecord):
         raise core.RecordError("this is no dynid recording", where=str(path))
     return found
 
 
 def read_table(
-    given: list[Path], options: ReadOptions, budget: Budget
+    given: list[Path], options: ReadOptions, budget: content.Budget
 ) -> RawTable | ExperimentRecord:
     """What files hold, before anything is repaired; an own recording is complete.
 
@@ -241,13 +236,13 @@ def read_table(
         MissingExtraError: A format whose extra is not installed.
     """
     source = ", ".join(file.name for file in given)
-    with located(source):
+    with content.located(source):
         if options.format == OWN:
-            return read_own(given[0])
-        with unpacked(given, budget) as files:
+            return store.read_own(given[0])
+        with formats.unpacked(given, budget) as files:
             kind = _format(files, options.format)
             if kind == "parquet":
-                return read_own(files[0])
+                return store.read_own(files[0])
             table = _READERS[kind](files, replace(options, format=kind), budget)
         budget.require_values(
             sum(value.size for value in (*table.signals.values(), *table.channels.values()))
@@ -257,9 +252,9 @@ def read_table(
 
 def _format(files: list[Path], wanted: str) -> str:
     """The format to read; `auto` for any text, whose header says more."""
-    if wanted not in ("auto", *FORMATS):
-        raise core.RecordError("unknown format", value=wanted, limit=("auto", *FORMATS))
-    kinds = {content_kind(file) for file in files}
+    if wanted not in ("auto", *formats.FORMATS):
+        raise core.RecordError("unknown format", value=wanted, limit=("auto", *formats.FORMATS))
+    kinds = {formats.content_kind(file) for file in files}
     kind = min(kinds)
     if len(kinds) > 1 and not kinds <= {"rosbag", "mcap"}:
         raise core.RecordError(
@@ -286,14 +281,14 @@ def _format(files: list[Path], wanted: str) -> str:
 
 def _hash(files: list[Path]) -> str:
     """SHA-256 of the file; of several, of their hashes one after the other."""
-    with located(files[0].name):
+    with content.located(files[0].name):
         hashes = [core.file_hash(file) for file in files]
     return hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()
 
 
 RecordLike = ExperimentRecord | str | Path
 """A recording, or its file in any format that is read without options."""
-AnyRecordLike = RecordLike | StoredRecording
+AnyRecordLike = RecordLike | stored.StoredRecording
 """A recording that may stay in its file, too."""
 One = TypeVar("One", bound=AnyRecordLike)
 _HEAD = 400
@@ -319,7 +314,7 @@ def open_record(
         InputError: No recording and no path.
     """
     if isinstance(record, ExperimentRecord):
-        found = fitted(record, robot)
+        found = store.fitted(record, robot)
         try:
             refuse_degrees(RawTable(rows=np.arange(found.samples), signals=found.signals), robot)
         except core.UnclearRecordError as error:
@@ -350,7 +345,7 @@ def open_record(
 
 def as_list(records: One | Sequence[One]) -> list[One]:
     """One or several recordings as a list."""
-    if isinstance(records, ExperimentRecord | StoredRecording | str | Path):
+    if isinstance(records, ExperimentRecord | stored.StoredRecording | str | Path):
         return [cast("One", records)]
     one = isinstance(records, Mapping) or hasattr(records, "__array__")
     return [cast("One", records)] if one else list(records)
@@ -367,15 +362,15 @@ def open_several(
 
 def open_any(
     records: Sequence[AnyRecordLike], robot: RobotModel, gains: Sequence[float] | None = None
-) -> list[AnyRecording]:
+) -> list[stored.AnyRecording]:
     """As `open_record`, several; those of ours that are long together stay in their files."""
-    rows = [stored_rows(Path(r)) if isinstance(r, str | Path) else 0 for r in records]
-    found: list[AnyRecording] = []
+    rows = [stored.stored_rows(Path(r)) if isinstance(r, str | Path) else 0 for r in records]
+    found: list[stored.AnyRecording] = []
     for record, count in zip(records, rows, strict=True):
-        if isinstance(record, StoredRecording):
+        if isinstance(record, stored.StoredRecording):
             found.append(record)
-        elif isinstance(record, str | Path) and count and sum(rows) > LONG:
-            found.append(open_stored(record, robot, gains))
+        elif isinstance(record, str | Path) and count and sum(rows) > stored.LONG:
+            found.append(stored.open_stored(record, robot, gains))
         else:
             found.append(open_record(record, robot, gains))
     return found
@@ -392,9 +387,9 @@ def remembered_robot(path: str | Path) -> tuple[str | None, str | None]:
     """
     file = _given_files(path)[0]
     _refuse_results(file)
-    if stored_rows(file) > LONG:
-        metadata = open_stored(file).metadata
-    elif os.path.isdir(path) or content_kind(file) != "parquet":
+    if stored.stored_rows(file) > stored.LONG:
+        metadata = stored.open_stored(file).metadata
+    elif os.path.isdir(path) or formats.content_kind(file) != "parquet":
         return None, None
     else:
         metadata = read_record(file).metadata
@@ -405,7 +400,7 @@ def _refuse_results(path: Path) -> None:
     """Say of a design or an estimate what it is, before anyone asks for its robot."""
     if path.suffix.lower() != ".json" or not path.is_file():
         return
-    head = first_bytes(path, _HEAD)
+    head = content.first_bytes(path, _HEAD)
     for mark, kind in _RESULTS.items():
         if mark in head:
             raise core.RecordError(

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, Value, check_word, frozen, read_only
+from dynid.regressor import inertial
 from dynid.regressor.columns import (
     Column,
     ColumnBlock,
@@ -13,14 +14,6 @@ from dynid.regressor.columns import (
     coupled_motors,
     motor_turns,
     smooth_sign,
-)
-from dynid.regressor.inertial import (
-    ChainConstants,
-    chain_constants,
-    in_lanes,
-    inertial_columns,
-    torque_kernel,
-    turns,
 )
 from dynid.regressor.terms import FrictionTerms, friction_state, stribeck
 from dynid.robot import PARAMETER_UNITS, PARAMETERS, RobotModel
@@ -48,7 +41,7 @@ class InverseDynamicModel(Value):
     """What stands beside the inertial columns."""
     columns: tuple[Column, ...] = field(init=False)
     """Name, unit and joint of the p standard parameters, in order."""
-    constants: ChainConstants = field(init=False)
+    constants: inertial.ChainConstants = field(init=False)
     """Numbers of the kernels."""
     counts: tuple[int, ...] = field(init=False)
     """Number of columns of each block."""
@@ -59,7 +52,7 @@ class InverseDynamicModel(Value):
         check_word(frames, robot.parameter_frames, "--frames")
         self.friction.check_joints(robot.joints)
         blocks = column_blocks(self.friction, coupled=bool(coupled_motors(robot)))
-        inertial = tuple(
+        standard = tuple(
             Column(f"{name}{i + 1}", unit, i)
             for i in range(robot.joints)
             for name, unit in zip(PARAMETERS, PARAMETER_UNITS, strict=True)
@@ -72,8 +65,8 @@ class InverseDynamicModel(Value):
         object.__setattr__(self, "frames", frames)
         object.__setattr__(self, "blocks", blocks)
         object.__setattr__(self, "counts", tuple(map(len, beside)))
-        object.__setattr__(self, "columns", inertial + added)
-        object.__setattr__(self, "constants", chain_constants(robot, frames))
+        object.__setattr__(self, "columns", standard + added)
+        object.__setattr__(self, "constants", inertial.chain_constants(robot, frames))
 
     def with_coulomb_width(self, width: float) -> "InverseDynamicModel":
         """The same model with Coulomb steps of another width [rad/s or m/s].
@@ -160,7 +153,7 @@ class InverseDynamicModel(Value):
         elif out.shape != shape:
             raise InputError("out does not fit", value=out.shape, limit=shape)
         position, velocity, acceleration = motion
-        inertial_columns(self.constants, motion, out[:first])
+        inertial.inertial_columns(self.constants, motion, out[:first])
         self.fill_beside(velocity, acceleration, out[first:])
         first += sum(self.counts)
         past = () if state is None else self.friction.presliding
@@ -272,10 +265,10 @@ class InverseDynamicModel(Value):
 
     def _recursive(self, q: Array, dq: Array, ddq: Array, parameters: Array) -> Array:
         """Torques (N, n) without the regressor, where every column is one of a block."""
-        state = in_lanes(self.motion(q, dq, ddq))
+        state = inertial.in_lanes(self.motion(q, dq, ddq))
         out, first = np.empty(state.shape[1:]), 10 * self.robot.joints
         links = parameters[:first].reshape(-1, 10)
-        torque_kernel(*self.constants, links, turns(state[0]), state, out)
+        inertial.torque_kernel(*self.constants, links, inertial.turns(state[0]), state, out)
         for block, count in zip(self.blocks, self.counts, strict=True):
             part = parameters[first : first + count]
             block.add_torque(self.robot, state[1], state[2], part, out)

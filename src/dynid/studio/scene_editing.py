@@ -8,15 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid import export, robot
-from dynid.constraints import (
-    CollisionBodies,
-    JudgedPairs,
-    MotionConstraints,
-    Shape,
-    Worst,
-    scene_from_json,
-)
+from dynid import constraints, export, robot
 from dynid.core import Array, InputError, JsonFields, check_word, load_object, write_json
 
 KINDS = ("box", "cylinder", "sphere", "table", "floor", "wall")
@@ -59,7 +51,7 @@ class SceneEditor:
 
     def __init__(self, document: Mapping[str, Any] | None = None, changes: int = 0) -> None:
         given = copy.deepcopy(dict(document or {"shapes": []}))
-        scene_from_json(JsonFields(given))
+        constraints.scene_from_json(JsonFields(given))
         shapes: list[dict[str, Any]] = given.get("shapes", [])
         self._items = dict(enumerate(shapes, start=1))
         self._payload: list[Any] = given.get("payload", [])
@@ -92,9 +84,9 @@ class SceneEditor:
         item = self._item(number)
         return str(item.get("name") or f"{item['type']} {number}")
 
-    def shape(self, number: int) -> Shape:
+    def shape(self, number: int) -> constraints.Shape:
         """A shape as the judge sees it."""
-        return scene_from_json(JsonFields({"shapes": [self._item(number)]})).shapes[0]
+        return constraints.scene_from_json(JsonFields({"shapes": [self._item(number)]})).shapes[0]
 
     def pose(self, number: int) -> Array:
         """(4, 4) where a shape is held: its middle; a table's top, a floor's or wall's surface."""
@@ -193,18 +185,20 @@ class Near:
 
 
 def instant(
-    constraints: MotionConstraints, q: Array, dq: Array, ddq: Array
-) -> tuple[dict[str, Worst], list[Near]]:
+    judge: constraints.MotionConstraints, q: Array, dq: Array, ddq: Array
+) -> tuple[dict[str, constraints.Worst], list[Near]]:
     """Judge (n) positions, velocities, accelerations: limits used, nearest pair of each kind."""
     rows = [np.array(values, dtype=np.float64)[None] for values in (q, dq, ddq)]
-    around = constraints.surroundings
+    around = judge.surroundings
     near: list[Near] = []
     if around is not None:
         near = [_near(around.bodies, kind, pairs, rows[0]) for kind, pairs in around.pairs.items()]
-    return constraints.usage(*rows).worst, near
+    return judge.usage(*rows).worst, near
 
 
-def _near(bodies: CollisionBodies, kind: str, pairs: JudgedPairs, q: Array) -> Near:
+def _near(
+    bodies: constraints.CollisionBodies, kind: str, pairs: constraints.JudgedPairs, q: Array
+) -> Near:
     row = int(bodies.nearest(q, pairs).pair[0])
     first, second = pairs.bodies[row]
     distance, ends = bodies.closest(q[0], int(first), int(second))

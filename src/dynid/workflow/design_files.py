@@ -13,11 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from dynid import core, excitation
+from dynid import core, excitation, signals
 from dynid.constraints import Certificate, MotionConstraints, Unjudged, certify
 from dynid.robot import RobotLike, RobotModel, Tool, load_robot, robot_to_json
 from dynid.settings import LimitSettings, SceneSettings
-from dynid.signals import process
 from dynid.trajectory import (
     JointMotion,
     StoredTrajectory,
@@ -442,7 +441,7 @@ def motions_from(paths: Sequence[str | Path], robot: RobotModel) -> list[JointMo
     motions: list[JointMotion] = []
     for path in paths:
         if Path(path).suffix.lower() != ".json":
-            samples = process(path, robot)
+            samples = signals.process(path, robot)
             motions.append(JointMotion(t=samples.t, q=samples.q, dq=samples.dq, ddq=samples.ddq))
             continue
         fields = core.load_object(path)

@@ -10,10 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid import core, excitation, reduction, regressor, trajectory
+from dynid import core, excitation, reduction, regressor, signals, trajectory
 from dynid.robot import RobotLike, RobotModel, load_robot
 from dynid.settings import LONGEST_S, DesignSettings, word_of
-from dynid.signals import process
 from dynid.workflow import design_limits, recordings
 from dynid.workflow.design_files import ROBOT, motions_from, robot_hash, write_design
 
@@ -202,7 +201,7 @@ class _DesignJob:
         total = np.zeros((self.base.rank, self.base.rank))
         kernel = self._kernel(noise)
         for path in self.asked.previous:
-            samples = process(path, self.robot)
+            samples = signals.process(path, self.robot)
             # Per second of motion, at the rate of the design: neither side counts by its sampling.
             weight = self.asked.rate_hz / samples.rate_hz
             gram = weight * kernel.gram(samples.q, samples.dq, samples.ddq)
