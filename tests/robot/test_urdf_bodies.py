@@ -17,6 +17,8 @@ from dynid.robot.body import around_points, around_triangles, beyond
 from dynid.robot.urdf_bodies import with_collision_geometry
 
 ROUNDING = 1e-9
+ROUNDING_OF_ONE = 1e-16
+"""Half a last digit of coordinates of 1 m [m]."""
 
 
 def arm(tmp_path: Path, *shapes: str) -> tuple[Path, Any]:
@@ -248,6 +250,13 @@ def test_every_triangle_is_in_one_body(points: np.ndarray, stretch: np.ndarray) 
     far = np.array([beyond(faces.reshape(-1, 3), body) - radius for body, radius, _ in found])
     held = (far <= ROUNDING).reshape(len(found), -1, 3).all(axis=2)
     assert held.any(axis=0).all()
+
+
+def test_a_mesh_whose_points_differ_by_rounding_alone_has_a_body() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        faces = rng.uniform(-1, 1, 3) + ROUNDING_OF_ONE * rng.normal(size=(8, 3, 3))
+        assert around_triangles(faces)
 
 
 def rod(start: np.ndarray, end: np.ndarray, radius: float) -> np.ndarray:

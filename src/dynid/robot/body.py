@@ -271,7 +271,7 @@ def _hull(points: Array) -> Any:
     """The hull; of flat points that of their neighbourhood."""
     spatial = scipy_part("spatial")
     size = float(np.ptp(points, axis=0).max())
-    if np.linalg.matrix_rank(points - points.mean(axis=0), tol=1e-6 * size) < 3:
+    if np.linalg.matrix_rank(points - points[0], tol=1e-6 * size) < 3:
         points = np.concatenate([points, points + 1e-5 * np.eye(3)[:, None]], axis=None)
     points = points.reshape(-1, 3)
     try:
