@@ -22,10 +22,9 @@ def print_metrics(
     screen: Console, title: str, result: ValidationResult, prismatic: Sequence[bool]
 ) -> None:
     """Print the errors of a prediction, joint by joint and overall."""
-    from dynid.figures import joint_unit
-    from dynid.validation import errors_by_kind
+    from dynid import figures, validation
 
-    unit = joint_unit("N.m", prismatic)
+    unit = figures.joint_unit("N.m", prismatic)
     whole, moving, rest = result.metrics, result.moving, result.at_rest
     relative = (whole.relative_error_percent, moving.relative_error_percent)
     shown = (whole.rmse, moving.rmse, rest.rmse, *relative, whole.r2)
@@ -33,13 +32,13 @@ def print_metrics(
     rows = list(zip(range(1, len(whole.rmse) + 1), *shown, strict=True))
     columns = {"joint": None} | dict.fromkeys(names, 3)
     show.print_table(screen, f"{title}: RMS errors in {unit}", columns, rows)
-    for kind, (every, swift) in errors_by_kind(
+    for kind, (every, swift) in validation.errors_by_kind(
         result.measured, result.predicted, result.moves, prismatic
     ).items():
         screen.print(
             f"{kind} joints: {_shares(every, swift)}; "
             f"e_N {show.number(every.normalized_error, 3)} "
-            f"{joint_unit('N.m', [kind == 'sliding'] if kind != 'all' else prismatic)} "
+            f"{figures.joint_unit('N.m', [kind == 'sliding'] if kind != 'all' else prismatic)} "
             f"with N = {every.samples}"
         )
     if result.covered is not None:
@@ -283,16 +282,12 @@ def validate_command(
     json: ask.JsonFlag = False,
 ) -> None:
     """Prediction error on another recording (paper 3.1)."""
-    from dynid.diagnosis import with_rests
-    from dynid.figures import joint_unit
-    from dynid.identification import open_estimate
-    from dynid.validation import CAUSES, errors_by_kind
-    from dynid.workflow import validate_files
+    from dynid import diagnosis, figures, identification, validation, workflow
 
     if output is not None:
         show.check_output(output, inputs=[estimate, record], force=force)
 
-    result = validate_files(
+    result = workflow.validate_files(
         estimate,
         record,
         start_s=start,
@@ -306,14 +301,15 @@ def validate_command(
         show.print_json(result.to_json())
         return
     screen = show.console()
-    slides = open_estimate(estimate, at).model.robot.prismatic
+    slides = identification.open_estimate(estimate, at).model.robot.prismatic
     told: list[str] = []
-    for kind, parts in errors_by_kind(
+    for kind, parts in validation.errors_by_kind(
         result.measured, result.predicted, result.moves, slides
     ).items():
         whole, moving = (f"{show.number(e.relative_error_overall_percent, 3)} %" for e in parts)
         told.append(
-            (" to " if kind == "all" else f", {kind} joints to ") + with_rests(moving, whole)
+            (" to " if kind == "all" else f", {kind} joints to ")
+            + diagnosis.with_rests(moving, whole)
         )
     screen.print(f"Predicts the torque of this recording{''.join(told)}", style="bold")
     print_metrics(screen, "Prediction", result, slides)
@@ -321,8 +317,8 @@ def validate_command(
         split = result.transfer
         show.print_table(
             screen,
-            f"Error by cause: RMS in {joint_unit('N.m', slides)}",
-            {"joint": None} | dict.fromkeys((*CAUSES, "rest"), 3),
+            f"Error by cause: RMS in {figures.joint_unit('N.m', slides)}",
+            {"joint": None} | dict.fromkeys((*validation.CAUSES, "rest"), 3),
             [(j + 1, *split.rms[:, j], split.rest[j]) for j in range(len(split.rest))],
         )
     show.print_findings(screen, "Findings", result.warnings)

@@ -232,12 +232,10 @@ def run_command(
     json: ask.JsonFlag = False,
 ) -> None:
     """Execute a design and record it (paper 2.2, 3)."""
-    from dynid.experiment import stop_on_signals
-    from dynid.recording import read_partial
-    from dynid.workflow import run_design, run_until
+    from dynid import experiment, recording, workflow
 
     show.check_output(output, inputs=[design], suffix=".parquet")
-    with stop_on_signals() as cancel, show.progress_bar("run") as progress:
+    with experiment.stop_on_signals() as cancel, show.progress_bar("run") as progress:
 
         def ask_first(what: str, word: str) -> None:
             # Planning takes seconds: Ctrl-C in them is no reason to ask.
@@ -250,14 +248,14 @@ def run_command(
         given: dict[str, Any] = {"on": on, "settings": settings, "confirm": confirm}
         given |= {"cancel": cancel, "progress": progress}
         if until is not None:
-            rounds = run_until(design, output, until, **given)
+            rounds = workflow.run_until(design, output, until, **given)
             if json:
                 show.print_json(rounds.to_json())
             else:
                 show.console().print(rounds.describe(), soft_wrap=True)
             rounds.raise_if_missed()
             return
-        result = run_design(design, output, **given)
+        result = workflow.run_design(design, output, **given)
         if result.abort is not None and result.result.stopped_in is None:
             raise KeyboardInterrupt
     for name in ("scene", "floor", "tool", "accept_unjudged") if on == "sim" else ():
@@ -268,7 +266,7 @@ def run_command(
     if (said := result.design.describe_digest()) is not None and result.design.changed:
         print(f"dynid: {design}: {said}", file=sys.stderr)
     if result.left is not None:
-        said = f"rows of an earlier, interrupted run. {read_partial(result.left)}"
+        said = f"rows of an earlier, interrupted run. {recording.read_partial(result.left)}"
         print(f"dynid: {result.left}: {said}", file=sys.stderr)
     if result.abort is None and result.result.outcome.periods < settings.repeat:
         said = "set points were repeated or skipped; --method program executes each once"

@@ -46,13 +46,11 @@ def export_command(
     json: ask.JsonFlag = False,
 ) -> None:
     """A model that other programs load, checked by loading it."""
-    from dynid.export import AFTER_REVERSALS, check_suffix, write_model
-    from dynid.figures import joint_unit
-    from dynid.identification import open_estimate
+    from dynid import export, figures, identification
 
     show.check_output(output, [estimate], force=force)
-    check_suffix(to, output)
-    result = write_model(open_estimate(estimate, at), output, to, urdf=urdf)
+    export.check_suffix(to, output)
+    result = export.write_model(identification.open_estimate(estimate, at), output, to, urdf=urdf)
     if json:
         show.print_json(result.to_json())
         return
@@ -77,11 +75,11 @@ def export_command(
         rms = " ".join(show.number(float(value), 3) for value in result.left_out_rms)
         screen.print(
             f"Its torques miss the prediction by {rms} "
-            f"{joint_unit('N.m', result.model.robot.prismatic)}, RMS by joint over the recorded "
-            "range."
+            f"{figures.joint_unit('N.m', result.model.robot.prismatic)}, RMS by joint over the "
+            "recorded range."
         )
         if result.left_out and result.model.presliding is not None:
-            screen.print(f"That is without presliding: {AFTER_REVERSALS}.")
+            screen.print(f"That is without presliding: {export.AFTER_REVERSALS}.")
     show.print_findings(screen, "Warnings", result.warnings)
 
 
@@ -217,8 +215,7 @@ def studio_command(
 
     It serves until Ctrl-C. With --json, one object is printed on stdout when it can be opened.
     """
-    from dynid.experiment import stop_on_signals
-    from dynid.studio import serve
+    from dynid import experiment, studio
 
     def ready(served: Served) -> None:
         if json:
@@ -233,8 +230,8 @@ def studio_command(
                 flush=True,
             )
 
-    with stop_on_signals() as stop:
-        serve(path, ready, stop, robot=robot, host=host, token=token, port=port)
+    with experiment.stop_on_signals() as stop:
+        studio.serve(path, ready, stop, robot=robot, host=host, token=token, port=port)
 
 
 @ask.command(

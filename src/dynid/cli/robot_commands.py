@@ -131,11 +131,10 @@ def gains_command(
     json: ask.JsonFlag = False,
 ) -> None:
     """Drive gains, from target currents and moments (UR)."""
-    from dynid.figures import joint_unit
-    from dynid.workflow import identify_gains, open_records
+    from dynid import figures, workflow
 
-    (opened,), model = open_records([record], robot)
-    found = identify_gains(opened, model)
+    (opened,), model = workflow.open_records([record], robot)
+    found = workflow.identify_gains(opened, model)
     data: dict[str, Any] = {"robot": model.name, **found.to_json(model.joint_names)}
     if json:
         show.print_json(data)
@@ -146,7 +145,7 @@ def gains_command(
         for row, known in zip(data["gains"], model.drives.gain, strict=True)
     ]
     columns = {"joint": None, "gain": 4, "std": 4, "robot's": 4, "r2": 6}
-    unit = joint_unit("N.m/A", model.prismatic)
+    unit = figures.joint_unit("N.m/A", model.prismatic)
     show.print_table(screen, f"Drive gains [{unit}]", columns, rows)
     if all(row["gain"] is not None for row in data["gains"]):
         screen.print()
@@ -217,26 +216,24 @@ def gravity_command(
     json: ask.JsonFlag = False,
 ) -> None:
     """Gravity parameters and stiction, from poses at rest."""
-    from dynid.core import told, write_json
-    from dynid.figures import joint_unit
-    from dynid.identification import identify_gravity
+    from dynid import core, figures, identification, validation, workflow
     from dynid.robot import with_mount
-    from dynid.validation import record_findings
-    from dynid.workflow import open_records
 
     if output is not None:
         show.check_output(output, inputs=[record], suffix=".json", force=force)
-    (opened,), model = open_records([record], robot, ask.drive_gains(gains))
-    found = identify_gravity(opened, model if mount is None else with_mount(model, mount))
-    findings = (*found.warnings, *record_findings(model, opened))
-    data: dict[str, Any] = found.to_json() | told(findings)
+    (opened,), model = workflow.open_records([record], robot, ask.drive_gains(gains))
+    found = identification.identify_gravity(
+        opened, model if mount is None else with_mount(model, mount)
+    )
+    findings = (*found.warnings, *validation.record_findings(model, opened))
+    data: dict[str, Any] = found.to_json() | core.told(findings)
     if output is not None:
-        write_json(output, data)
+        core.write_json(output, data)
     if json:
         show.print_json(data)
         return
     screen = show.console()
-    unit = joint_unit("N.m", model.prismatic)
+    unit = figures.joint_unit("N.m", model.prismatic)
     screen.print(
         f"{model.name}: {len(found.values)} gravity parameters from {found.poses} poses at rest",
         style="bold",

@@ -339,12 +339,11 @@ def _design(job: Job, talk: ParentTalk) -> dict[str, Any]:
 
 
 def _run(job: Job, talk: ParentTalk) -> dict[str, Any]:
-    from dynid.experiment import stop_on_signals
-    from dynid.workflow import RunSettings, run_design
+    from dynid import experiment, workflow
 
-    settings = RunSettings(**job.options)
-    with stop_on_signals() as cancel:
-        result = run_design(
+    settings = workflow.RunSettings(**job.options)
+    with experiment.stop_on_signals() as cancel:
+        result = workflow.run_design(
             job.source,
             job.output,
             on=job.target,
