@@ -50,7 +50,7 @@ def main(
         changed = {"OPENBLAS_CORETYPE": name}
         if name == GENERIC:
             changed["NUMBA_CPU_NAME"] = "generic"
-        told = child(["-c", DESIGNS, seeds, starts, method], **changed).said
+        told = child(["-c", DESIGNS, seeds, starts, method], **changed)
         kernel, values, spent = json.loads(told)
         worst = max(worst, *values)
         numbers = " ".join(f"{value:.2f}" for value in values)

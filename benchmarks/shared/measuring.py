@@ -8,14 +8,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
 
 ROOT = Path(__file__).parents[2]
-SOURCE = ROOT / "src"
 DATA = ROOT.parent / "shared" / "data"
 
 
@@ -55,10 +53,21 @@ def commit() -> str:
     return git("rev-parse", "--short", "HEAD") + (" with changes" if changed else "")
 
 
+def asked(what: str, value: float, *, least: float = -np.inf, most: float = np.inf) -> bool:
+    """Print a figure beside what is asked of it; true if that is missed."""
+    limit = f"at most {most:g}" if np.isfinite(most) else f"at least {least:g}"
+    missed = not least <= value <= most
+    print(f"{what}: {value:.3g} (asked: {limit}){', MISSED' * missed}", flush=True)
+    return missed
+
+
 def fastest(
-    works: dict[str, Callable[[], object]], rounds: int, rare: Collection[str] = ()
+    works: dict[str, Callable[[], object]],
+    rounds: int,
+    rare: Collection[str] = (),
+    clock: Callable[[], float] = time.process_time,
 ) -> dict[str, float]:
-    """The shortest CPU time of each [s], one after the other in every round.
+    """The shortest time of each [s], by default of CPU, one after the other in every round.
 
     The first round warms the caches; rare ones run every 8th.
     """
@@ -67,60 +76,26 @@ def fastest(
         for name, work in works.items():
             if name in rare and number % 8:
                 continue
-            start = time.process_time()
+            start = clock()
             work()
             if number:
-                times[name] = min(times[name], time.process_time() - start)
+                times[name] = min(times[name], clock() - start)
     return times
 
 
-@dataclass(frozen=True)
-class Child:
-    """What a process came to, its children counted."""
+def child(words: Sequence[object], **variables: str) -> str:
+    """What Python prints, run with these words and variables of the environment."""
+    command, own = [sys.executable, *map(str, words)], os.environ | variables
+    done = subprocess.run(command, env=own, stdout=subprocess.PIPE, text=True)
+    if done.returncode:
+        raise SystemExit(f"exit code {done.returncode}: {' '.join(command)[:200]}")
+    return done.stdout
 
-    code: int
-    said: str
-    cpu_s: float
-    peak_mb: float
 
-
-def child(
-    words: Sequence[object],
-    *,
-    source: Path | None = None,
-    stderr: int | None = None,
-    check: bool = True,
-    **variables: str,
-) -> Child:
-    """Run Python with these words.
-
-    Args:
-        words: Options, script and its arguments.
-        source: Folder `src` of another release; an environment `.venv` beside it is taken.
-        stderr: As of `subprocess`.
-        check: Whether a failure ends this script.
-        variables: Of the environment.
-    """
-    python = sys.executable
-    if source is not None:
-        own = source.parent / ".venv" / "bin" / "python"
-        python = str(own) if own.exists() else python
-        variables["PYTHONPATH"] = str(source)
-    process = subprocess.Popen(
-        [python, *map(str, words)],
-        env=os.environ | variables,
-        stdout=subprocess.PIPE,
-        stderr=stderr,
-        text=True,
-    )
-    assert process.stdout is not None
-    said = process.stdout.read().strip()
-    _, status, usage = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if check and process.returncode:
-        raise SystemExit(f"exit code {process.returncode}: {' '.join(map(str, words))[:200]}")
-    cpu = usage.ru_utime + usage.ru_stime
-    return Child(process.returncode, said, cpu, usage.ru_maxrss / 1024)
+def peak_mb() -> float:
+    """Most memory of this process so far; `ru_maxrss` would count its parent's."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return float(next(x for x in lines if x.startswith("VmHWM")).split()[1]) / 1024
 
 
 def processor() -> str:
