@@ -97,6 +97,7 @@ def steps() -> list[Step]:
         Step("site and notebooks", ("benchmarks/proof/build_site.py",)),
         Step("wheels with each extra", ("benchmarks/proof/wheels.py",)),
         Step("demo, seeds 1 to 20", ("benchmarks/proof/demo_seeds.py",)),
+        Step("fleet on Dask", ("benchmarks/fleet.py", "--robots", "20", "--dask", "3")),
         Step("mutants, 3 a package", ("benchmarks/proof/mutants.py", "-n", "3")),
     ]
 
