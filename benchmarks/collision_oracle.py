@@ -19,8 +19,6 @@ that the certificate calls feasible.
 
 import itertools
 import math
-import re
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -29,7 +27,7 @@ from typing import Any
 import coal
 import numpy as np
 import pinocchio as pin
-from fit_bodies import MESHES, ROBOTS, link_meshes
+from fit_bodies import ROBOTS, described, link_meshes
 from shared.measuring import run
 
 from dynid.constraints import MotionConstraints, certify, safe_constraints, scene_from_json
@@ -70,25 +68,14 @@ def mesh_of(faces: np.ndarray) -> coal.BVHModelOBBRSS:
     return mesh
 
 
-def plane_of(shape: dict[str, Any]) -> tuple[np.ndarray, float] | None:
-    """Outward normal and height of a floor or wall of a scene file; None of other shapes."""
-    if shape["type"] == "floor":
-        return np.array([0.0, 0, 1]), float(shape.get("height", 0))
-    if shape["type"] == "wall":
-        normal = np.array(shape["normal"], dtype=float)
-        normal /= np.linalg.norm(normal)
-        return normal, float(normal @ shape["point"])
-    return None
-
-
-def solid_of(shape: dict[str, Any]) -> tuple[Any, pin.SE3]:
-    """A shape of a scene file for coal, read here once more, and its placement."""
+def solid_of(shape: dict[str, Any]) -> tuple[Any, np.ndarray]:
+    """A shape of a scene file for coal, read here once more, and its place."""
     kind, place = shape["type"], np.array(shape.get("position", [0, 0, 0]), dtype=float)
     if kind == "table":
-        return coal.Box(*shape["size"], 0.05), pin.SE3(np.eye(3), place - [0, 0, 0.025])
+        return coal.Box(*shape["size"], 0.05), place - [0, 0, 0.025]
     if kind == "cylinder":
-        return coal.Cylinder(shape["radius"], shape["length"]), pin.SE3(np.eye(3), place)
-    return coal.Box(*shape["size"]), pin.SE3(np.eye(3), place)
+        return coal.Cylinder(shape["radius"], shape["length"]), place
+    return coal.Box(*shape["size"]), place
 
 
 class Oracle:
@@ -100,104 +87,95 @@ class Oracle:
     """
 
     def __init__(self, name: str, scene: dict[str, Any] | None = None) -> None:
-        text = (MESHES / "config" / name / "default_kinematics.yaml").read_text()
-        number = r":\s*([-+.\deE]+)"
-        steps = [
-            [float(x) for x in row]
-            for row in re.findall(
-                rf"^  \w+:\s+x{number}\s+y{number}\s+z{number}\s+roll{number}\s+pitch{number}"
-                rf"\s+yaw{number}",
-                text,
-                re.MULTILINE,
-            )
-        ]
-        self.model, joint = pin.Model(), 0
-        for k, (x, y, z, *rpy) in enumerate(steps):
-            placement = pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array([x, y, z]))
-            joint = self.model.addJoint(joint, pin.JointModelRZ(), placement, f"j{k}")
-        if joint != 6:
-            raise ValueError(f"{name}: {joint} joints read")
-        self.forearm = steps[3][0]
-        parts: list[tuple[str, int, pin.SE3, Any, np.ndarray]] = []
+        self.model, joint, scene = pin.Model(), 0, scene or {}
+        poses = described(name, "default_kinematics")["kinematics"]
+        for link in ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3"):
+            pose = poses[link]
+            turn = pin.rpy.rpyToMatrix(*(float(pose[key]) for key in ("roll", "pitch", "yaw")))
+            placement = pin.SE3(turn, np.array([float(pose[key]) for key in "xyz"]))
+            joint = self.model.addJoint(joint, pin.JointModelRZ(), placement, link)
+        self.data, self.geometry = self.model.createData(), pin.GeometryModel()
+        self.forearm = float(self.model.jointPlacements[4].translation[0])
+        self.corners: list[np.ndarray] = []
+        """Of each part of the arm, in its joint's frame."""
         for k, faces in enumerate(link_meshes(name)):
-            parts.append((f"link {k}", k, pin.SE3.Identity(), mesh_of(faces), faces.reshape(-1, 3)))
-        scene = scene or {}
+            self._add(f"link {k}", k, mesh_of(faces))
+            self.corners.append(np.unique(faces.reshape(-1, 3), axis=0))
         for shape in scene.get("payload", []):
-            middle, half = np.array(shape["position"], dtype=float), np.array(shape["size"]) / 2
-            corners = middle + half * np.array(list(itertools.product((-1, 1), repeat=3)))
-            box = coal.Box(*shape["size"])
-            parts.append(("tool", 6, pin.SE3(np.eye(3), middle), box, corners))
-        self.parts = [(what, joint, place, shape) for what, joint, place, shape, _ in parts]
-        self.corners = [np.unique(corners, axis=0) for *_, corners in parts]
-        arm = len(parts)
-        self.pairs = [
+            box, middle = solid_of(shape)
+            self._add("tool", 6, box, middle)
+            corners = np.array(list(itertools.product((-1, 1), repeat=3)))
+            self.corners.append(middle + np.array(shape["size"]) / 2 * corners)
+        arm = len(self.corners)
+        joints = [part.parentJoint for part in self.geometry.geometryObjects]
+        pairs = [
             (a, b)
-            for a in range(arm)
-            for b in range(a + 1, arm)
-            if parts[b][1] - parts[a][1] > 1 or (b >= 7 and parts[a][1] < 6)
+            for a, b in itertools.combinations(range(arm), 2)
+            if joints[b] - joints[a] > 1 or (b >= 7 and joints[a] < 6)
         ]
-        self.planes = []
+        self.planes: list[tuple[np.ndarray, float]] = []
         shapes = list(scene.get("shapes", []))
         if not any(shape["type"] == "floor" for shape in shapes):
             # The mounting plane.
             shapes.append(FLOOR)
         for shape in shapes:
-            if (plane := plane_of(shape)) is not None:
-                self.planes.append(plane)
-                continue
-            solid, place = solid_of(shape)
-            self.parts.append(("scene", 0, place, solid))
-            self.pairs += [(a, len(self.parts) - 1) for a in range(1, arm)]
-        # How far each joint moves any point of a link, at most, for a radian [m].
-        steps_m = [float(np.linalg.norm(self.model.jointPlacements[j].translation))
-                   for j in range(7)]  # fmt: skip
+            if shape["type"] == "floor":
+                self.planes.append((np.array([0.0, 0, 1]), float(shape.get("height", 0))))
+            elif shape["type"] == "wall":
+                normal = np.array(shape["normal"]) / np.linalg.norm(shape["normal"])
+                self.planes.append((normal, float(normal @ shape["point"])))
+            else:
+                self._add("scene", 0, *solid_of(shape))
+                pairs += [(a, len(self.geometry.geometryObjects) - 1) for a in range(1, arm)]
+        for a, b in pairs:
+            self.geometry.addCollisionPair(pin.CollisionPair(a, b))
+        self.placed = self.geometry.createData()
+        # How far each joint moves any point of a part, at most, for a radian [m].
+        steps_m = [float(np.linalg.norm(place.translation)) for place in self.model.jointPlacements]
         self.reach = np.zeros((arm, 6))
-        for b, (_, joint, *_) in enumerate(self.parts[:arm]):
-            size = float(np.linalg.norm(self.corners[b], axis=1).max())
-            for j in range(joint):
-                self.reach[b, j] = sum(steps_m[j + 2 : joint + 1]) + size
-        self.data = self.model.createData()
+        for b, corners in enumerate(self.corners):
+            size = float(np.linalg.norm(corners, axis=1).max())
+            for j in range(joints[b]):
+                self.reach[b, j] = sum(steps_m[j + 2 : joints[b] + 1]) + size
 
-    def _place(self, part: int) -> pin.SE3:
-        _, joint, place, _ = self.parts[part]
-        return self.data.oMi[joint] * place
+    def _add(self, what: str, joint: int, shape: Any, place: np.ndarray | None = None) -> None:
+        at = pin.SE3(np.eye(3), np.zeros(3) if place is None else place)
+        name = f"{what} {len(self.geometry.geometryObjects)}" if what == "scene" else what
+        self.geometry.addGeometryObject(pin.GeometryObject(name, joint, at, shape))
 
-    def _apart(self, a: int, b: int) -> float:
-        """Distance of two parts where the arm stands; zero or less where they meet."""
-        places = [coal.Transform3s(x.rotation, x.translation) for x in map(self._place, (a, b))]
-        found = coal.DistanceResult()
-        first, second = self.parts[a][3], self.parts[b][3]
-        coal.distance(first, places[0], second, places[1], coal.DistanceRequest(), found)
-        return float(found.min_distance)
+    def _apart(self, pair: int, q: np.ndarray) -> float:
+        """Distance of two parts; zero or less where they meet."""
+        pin.updateGeometryPlacements(self.model, self.data, self.geometry, self.placed, q)
+        return float(pin.computeDistance(self.geometry, self.placed, pair).min_distance)
 
-    def _above(self, a: int, normal: np.ndarray, height: float) -> float:
-        """How far a part is above a plane where the arm stands."""
-        at = self.data.oMi[self.parts[a][1]]
+    def _above(self, a: int, normal: np.ndarray, height: float, q: np.ndarray) -> float:
+        """How far a part is above a plane."""
+        pin.forwardKinematics(self.model, self.data, q)
+        at = self.data.oMi[self.geometry.geometryObjects[a].parentJoint]
         lowest = float((self.corners[a] @ (at.rotation.T @ normal)).min())
         return lowest + float(normal @ at.translation) - height
 
     def meets(self, q: np.ndarray) -> tuple[str, float, int]:
         """The first two parts that touch at samples q (N, 6), the least distance, and queries."""
         travel = np.vstack([np.zeros(6), np.cumsum(np.abs(np.diff(q, axis=0)), axis=0)])
-        least, queries = math.inf, 0
-        checks: list[tuple[str, np.ndarray, Callable[[], float]]] = []
-        for a, b in self.pairs:
+        least, queries, parts = math.inf, 0, self.geometry.geometryObjects
+        checks: list[tuple[str, np.ndarray, Callable[[np.ndarray], float]]] = []
+        for k, pair in enumerate(self.geometry.collisionPairs):
+            a, b = pair.first, pair.second
             # A link's own motion where the other part is of the scene.
             links = b < len(self.corners)
             rate = self.reach[b if links else a].copy()
             if links:
-                rate[: self.parts[a][1]] = 0.0
-            name = f"{self.parts[a][0]} - {self.parts[b][0]}"
-            checks.append((name, rate, partial(self._apart, a, b)))
+                rate[: parts[a].parentJoint] = 0.0
+            checks.append((f"{parts[a].name} - {parts[b].name}", rate, partial(self._apart, k)))
         for (normal, height), a in itertools.product(self.planes, range(1, len(self.corners))):
             above = partial(self._above, a, normal, height)
-            checks.append((f"{self.parts[a][0]} - plane", self.reach[a], above))
+            checks.append((f"{parts[a].name} - plane", self.reach[a], above))
         for name, rate, distance in checks:
             way, k = travel @ rate, 0
             while k < len(q):
-                pin.forwardKinematics(self.model, self.data, q[k])
                 queries += 1
-                far = distance()
+                far = distance(q[k])
                 least = min(least, far)
                 if far <= 0.0:
                     return f"{name} at sample {k}", far, queries
@@ -216,16 +194,17 @@ class Oracle:
                 found.append(name)
         if ((motion.q < limits.lower - slack) | (motion.q > limits.upper + slack)).any():
             found.append("position")
-        tip = pin.SE3(np.eye(3), np.array([0.0, 0, tool]))
         # Where dynid says that the elbow is, in ROS 2's frame of the forearm: an x axis away.
         place = np.linalg.inv(robot.parameter_frames["dh"][2]) @ robot.parameter_frames["urdf"][2]
-        bend = pin.SE3(np.eye(3), place[:3, 3] + [self.forearm, 0, 0])
+        bend = place[:3, 3] + [self.forearm, 0, 0]
         top = elbow = 0.0
         for q, dq in zip(motion.q, motion.dq, strict=True):
             pin.forwardKinematics(self.model, self.data, q, dq)
-            twist = tip.actInv(self.data.v[6])
-            top = max(top, float(np.linalg.norm(twist.linear)))
-            elbow = max(elbow, float(np.linalg.norm(bend.actInv(self.data.v[3]).linear)))
+            speeds = [
+                np.linalg.norm(twist.linear + np.cross(twist.angular, point))
+                for twist, point in ((self.data.v[6], [0, 0, tool]), (self.data.v[3], bend))
+            ]
+            top, elbow = max(top, float(speeds[0])), max(elbow, float(speeds[1]))
         if top > robot.safety.tcp_speed + slack:
             found.append(f"tool speed {top:.3f} m/s")
         if elbow > robot.safety.elbow_speed + slack:
@@ -236,9 +215,7 @@ class Oracle:
 
 def scaled(motion: FourierSeries, by: float) -> FourierSeries:
     """The motion with other amplitudes."""
-    return FourierSeries(
-        period=motion.period, offset=motion.offset, a=motion.a * by, b=motion.b * by
-    )
+    return replace(motion, a=motion.a * by, b=motion.b * by)
 
 
 def pushed(motion: FourierSeries, judge: MotionConstraints) -> FourierSeries:
@@ -289,15 +266,15 @@ def main(
 ) -> bool:
     missed = passed = count = 0
     for name, mount, k in itertools.product(robots, mounts, range(motions)):
-        start = time.process_time()
         scene: dict[str, Any] = {} if designs or not k % 2 else dict(SCENES[k // 2 % len(SCENES)])
         carries, edge = not designs and k % 3 == 0, not designs and k % 3 == 1
+        kinds = {mount: designs, "scene": bool(scene), "tool": carries, "edge": edge}
         robot = load_robot(name, mount=mount)
+        length = TIP[2] if carries else tool
         if carries:
             scene["payload"] = [TOOL]
             robot = replace(robot, tool=Tool(tcp=np.array(TIP), mass=MASS, com=np.array(TIP)))
-        length = TIP[2] if carries else tool
-        if designs and length:
+        elif length:
             robot = replace(robot, tool=Tool(tcp=np.array((0.0, 0.0, length))))
         judge = safe_constraints(robot, scene_from_json(JsonFields(scene)) if scene else None)
         if designs:
@@ -306,23 +283,18 @@ def main(
             motion = random_motion(judge, np.random.default_rng([seed, k]))
         if edge:
             motion = pushed(motion, judge)
-        certificate = certify(motion, judge)
+        certificate, oracle = certify(motion, judge), Oracle(name, scene)
         times = np.arange(0.0, motion.duration, 1 / rate)
-        made = time.process_time() - start
-        oracle = Oracle(name, scene)
         found = oracle.broken(motion.evaluate(times), robot, length)
         wrong = certificate.feasible and bool(found)
         missed, passed, count = missed + wrong, passed + certificate.feasible, count + 1
-        verdict = "feasible" if certificate.feasible else "/".join(certificate.broken)
         near = certificate.margins["self_collision_m"]
-        kinds = {mount: designs, "scene": bool(scene) and k % 2, "tool": carries, "edge": edge}
-        words = [word for word, on in kinds.items() if on]
         print(
-            f"{name:6s} {k:2d} {' '.join(words):16s} certificate: {verdict:12s} bodies"
-            f" {'-' if near is None else f'{1e3 * near:6.1f} mm'}, meshes"
-            f" {1e3 * oracle.least:6.1f} mm in {oracle.queries} queries;"
-            f" oracle: {'/'.join(found) or 'nothing'}{'   MISSED' if wrong else ''}"
-            f"  {made:.0f} + {time.process_time() - start - made:.0f} s",
+            f"{name:6s} {k:2d} {' '.join(word for word, on in kinds.items() if on):16s} "
+            f"certificate: {'/'.join(certificate.broken) or 'feasible':12s} bodies "
+            f"{'-' if near is None else f'{1e3 * near:6.1f} mm'}, meshes "
+            f"{1e3 * oracle.least:6.1f} mm in {oracle.queries} queries; "
+            f"oracle: {'/'.join(found) or 'nothing'}{'   MISSED' if wrong else ''}",
             flush=True,
         )
     print(f"{count} motions at {rate:g} Hz, {passed} feasible; missed violations: {missed}")
