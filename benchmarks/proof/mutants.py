@@ -1,13 +1,12 @@
 """Random mutants of the numerical packages against their packages' own tests.
 
-    python benchmarks/proof/mutants.py [-n 30] [--seed 0] [--packages WORD...]
+    python benchmarks/proof/mutants.py [--number 30] [--seed 0] [--packages WORD...]
 
 Each mutant changes one operator, comparison, number or condition in a copy of the source, and the
 package's tests that take less than a second each run on it until the first fails. The mutants of a
 checkout are fixed by its source and the seed.
 """
 
-import argparse
 import ast
 import os
 import random
@@ -22,26 +21,26 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from shared.measuring import ROOT, run
+
 PACKAGES = ("regressor", "reduction", "identification", "constraints")
 LONGEST_TEST_S = 1.0
 """Slower tests are left out."""
-PATIENCE, START_S = 4.0, 60.0
+PATIENCE, START_S, FIRST_S = 4.0, 60.0, 3600.0
 """A mutant may take so many times as long as the source, and longer by what compiling takes."""
+_PAIRS = (
+    (ast.Add, ast.Sub),
+    (ast.Mult, ast.Div),
+    (ast.Lt, ast.LtE),
+    (ast.Gt, ast.GtE),
+    (ast.Eq, ast.NotEq),
+    (ast.And, ast.Or),
+)
 _SWAPS: dict[type[ast.AST], type[ast.AST]] = {
-    ast.Add: ast.Sub,
-    ast.Sub: ast.Add,
-    ast.Mult: ast.Div,
-    ast.Div: ast.Mult,
+    **dict(_PAIRS),
+    **{b: a for a, b in _PAIRS},
     ast.MatMult: ast.Mult,
-    ast.Lt: ast.LtE,
-    ast.LtE: ast.Lt,
-    ast.Gt: ast.GtE,
-    ast.GtE: ast.Gt,
-    ast.Eq: ast.NotEq,
-    ast.NotEq: ast.Eq,
-    ast.And: ast.Or,
-    ast.Or: ast.And,
 }
 
 
@@ -111,111 +110,74 @@ def chosen(package: str, count: int, seed: int) -> list[Mutant]:
     return random.Random(f"{seed} {package}").sample(found, min(count, len(found)))
 
 
-class Tests:
-    """The fast tests of a package, run on a copy of the source.
-
-    Args:
-        package: The package.
-        work: A folder for the copy.
-    """
-
-    def __init__(self, package: str, work: Path) -> None:
-        self.work, self.package = work, package
-        self.cache = work / "numba"
-        self._chosen = work / f"{package}.txt"
-        self.limit_s = 3600.0
-        self.count = 0
-
-    def baseline(self) -> None:
-        """Find the tests that pass on the source as it is, and how long they take.
-
-        Raises:
-            RuntimeError: None passes.
-        """
-        report = self.work / f"{self.package}.xml"
-        self._run([f"tests/{self.package}", f"--junitxml={report}", "-o", "junit_family=xunit1"])
-        names: list[str] = []
-        for case in ET.parse(report).iter("testcase"):
-            fast = float(case.get("time", "9")) < LONGEST_TEST_S
-            if fast and not list(case):
-                names.append(f"{case.get('file')}::{case.get('name')}")
-        if not names:
-            raise RuntimeError(f"no fast test of {self.package} passes")
-        self.count = len(names)
-        self._chosen.write_text("\n".join(names) + "\n", encoding="utf-8")
-        started = time.perf_counter()
-        self._run([f"@{self._chosen}", "-x"])
-        self.limit_s = PATIENCE * (time.perf_counter() - started) + START_S
-
-    def kill(self, mutant: Mutant) -> bool:
-        """Whether a test fails, or nothing comes to an end, with a mutant in the source."""
-        path = self.work / "checkout" / mutant.path
-        source = path.read_bytes()
-        compiled = b"compiled(" in source
-        try:
-            with mutant.planted():
-                path.write_text(ast.unparse(mutant.tree), encoding="utf-8")
-            if compiled:
-                # Numba's cache does not see changes in functions of other files.
-                shutil.rmtree(self.cache, ignore_errors=True)
-            return self._run([f"@{self._chosen}", "-x"]) != 0
-        except subprocess.TimeoutExpired:
-            return True
-        finally:
-            path.write_bytes(source)
-            if compiled:
-                shutil.rmtree(self.cache, ignore_errors=True)
-
-    def _run(self, words: list[str]) -> int:
-        checkout = self.work / "checkout"
-        variables = {
-            **os.environ,
-            "PYTHONPATH": str(checkout / "src"),
-            "PYTHONDONTWRITEBYTECODE": "1",
-            "NUMBA_CACHE_DIR": str(self.cache),
-        }
-        options = ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--no-header", "--tb=no"]
-        return subprocess.run(
-            [sys.executable, "-m", "pytest", *options, *words],
-            cwd=checkout,
-            env=variables,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            timeout=self.limit_s,
-            check=False,
-        ).returncode
+def outcome(work: Path, words: list[str], limit_s: float = FIRST_S) -> int:
+    """Exit code of pytest on the copy of the source."""
+    variables = {"PYTHONPATH": str(work / "checkout" / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
+    options = ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--no-header", "--tb=no"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    command, cache = [sys.executable, "-m", "pytest", *options, *words], str(work / "numba")
+    own = os.environ | variables | {"NUMBA_CACHE_DIR": cache}
+    return subprocess.run(
+        command, cwd=work / "checkout", env=own, timeout=limit_s, check=False, **quiet
+    ).returncode
 
 
-def main() -> int:
-    """Run the mutants and print who lived."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("-n", "--number", type=int, default=30, help="mutants a package")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--packages", nargs="*", default=PACKAGES)
-    given = parser.parse_args()
-    lived = total = 0
+def fast_tests(package: str, work: Path) -> list[str]:
+    """Names of the package's tests that pass on the source as it is, in less than a second."""
+    report = work / "report.xml"
+    outcome(work, [f"tests/{package}", f"--junitxml={report}", "-o", "junit_family=xunit1"])
+    return [
+        f"{case.get('file')}::{case.get('name')}"
+        for case in ET.parse(report).iter("testcase")
+        if float(case.get("time", "9")) < LONGEST_TEST_S and not list(case)
+    ]
+
+
+def killed(mutant: Mutant, words: list[str], work: Path, limit_s: float) -> bool:
+    """Whether a test fails, or nothing comes to an end, with a mutant in the source."""
+    path = work / "checkout" / mutant.path
+    source = path.read_bytes()
+    try:
+        with mutant.planted():
+            path.write_text(ast.unparse(mutant.tree), encoding="utf-8")
+        if b"compiled(" in source:
+            # Numba's cache does not see changes in functions of other files.
+            shutil.rmtree(work / "numba", ignore_errors=True)
+        return outcome(work, words, limit_s) != 0
+    except subprocess.TimeoutExpired:
+        return True
+    finally:
+        path.write_bytes(source)
+        if b"compiled(" in source:
+            shutil.rmtree(work / "numba", ignore_errors=True)
+
+
+def main(number: int = 30, seed: int = 0, packages: tuple[str, ...] = PACKAGES) -> None:
+    """Run so many mutants a package and print who lived."""
+    every: list[bool] = []
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
         ignored = shutil.ignore_patterns(".git", ".venv", "runs", "__pycache__", "*_cache")
         shutil.copytree(ROOT, work / "checkout", ignore=ignored)
-        shared = ROOT.parent / "shared"
-        if shared.is_dir():
-            (work / "shared").symlink_to(shared)
-        for package in given.packages:
-            tests = Tests(package, work)
-            tests.baseline()
-            killed = 0
-            drawn = chosen(package, given.number, given.seed)
-            for mutant in drawn:
-                dead = tests.kill(mutant)
-                killed += dead
-                if not dead:
+        (work / "shared").symlink_to(ROOT.parent / "shared")
+        for package in packages:
+            names = fast_tests(package, work)
+            if not names:
+                raise SystemExit(f"no fast test of {package} passes")
+            (work / "names.txt").write_text("\n".join(names) + "\n", encoding="utf-8")
+            words = [f"@{work / 'names.txt'}", "-x"]
+            started = time.perf_counter()
+            outcome(work, words)
+            limit_s = PATIENCE * (time.perf_counter() - started) + START_S
+            dead: list[bool] = []
+            for mutant in chosen(package, number, seed):
+                dead.append(killed(mutant, words, work, limit_s))
+                if not dead[-1]:
                     print(f"lived: {mutant}", flush=True)
-            lived, total = lived + len(drawn) - killed, total + len(drawn)
-            print(f"{package}: {killed} of {len(drawn)} killed by {tests.count} tests", flush=True)
-    print(f"{total - lived} of {total} mutants killed")
-    return 0
+            print(f"{package}: {sum(dead)} of {len(dead)} killed by {len(names)} tests", flush=True)
+            every += dead
+    print(f"{sum(every)} of {len(every)} mutants killed")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

@@ -1,14 +1,12 @@
 """What is too long for every commit, run step by step, and `docs/proof.md` written from it.
 
-    python benchmarks/proof/proof.py [STEP...]      all steps, or those whose names hold a word
+    python benchmarks/proof/proof.py [STEP...] [--list]     all, or those whose names hold a word
 
 The variables that choose the kernels of BLAS and Numba are set for one command alone. A step that
 cannot run here is written down with the reason; results of steps that are not run are kept.
 """
 
-import argparse
 import datetime
-import json
 import os
 import platform
 import subprocess
@@ -17,8 +15,11 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+import threadpoolctl
+
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from shared.measuring import ROOT, commit, processor
+from shared.measuring import ROOT, commit, processor, run
 from wheels import interpreter
 
 PAGE = ROOT / "docs" / "proof.md"
@@ -54,22 +55,15 @@ class Result:
     last: tuple[str, ...]
 
 
-def absent(*paths: Path) -> str | None:
-    """What a step needs and does not find."""
-    missing = [path.name for path in paths if not path.exists()]
-    return f"not there: {', '.join(missing)}" if missing else None
-
-
 def steps() -> list[Step]:
     """Everything that `make proof` runs."""
     suite = ("-m", "pytest", "-q", "-n", "2", "--dist", "loadfile", "-m", "not realtime")
-    cpu = Path("/proc/cpuinfo")
+    cpu, shared = Path("/proc/cpuinfo"), ROOT.parent / "shared"
     flags = cpu.read_text().split() if cpu.exists() else []
     found = []
     for kernel, flag in (("Haswell", "avx2"), ("SkylakeX", "avx512f"), ("Nehalem", "sse4_2")):
         variables = {"OPENBLAS_CORETYPE": kernel}
-        if kernel == "Nehalem":
-            variables["NUMBA_CPU_NAME"] = "generic"
+        variables |= {"NUMBA_CPU_NAME": "generic"} if kernel == "Nehalem" else {}
         obstacle = None if flag in flags else f"this processor has no {flag}"
         found.append(Step(f"suite, kernel {kernel}", suite, variables, obstacle))
     for version in ("3.12", "3.13"):
@@ -78,13 +72,13 @@ def steps() -> list[Step]:
         words = ("make", f"VENV=build/py{version}", f"PYTHON={python}", "ASIDE=", "test")
         obstacle = None if python else f"no Python {version} here"
         found.append(Step(f"make test with Python {version}", words, obstacle=obstacle))
-    answers, clients = "tests/frozen/answers.py", "urtwin/tests/real_clients.py"
-    shared = ROOT.parent / "shared"
-    needed = absent(shared / "data")
-    found.append(Step("answers of release 0.1", (answers, "compare"), obstacle=needed))
-    sources = shared / "clients"
-    needed = absent(ROOT / clients, sources)
-    found.append(Step("real clients of urtwin", (clients, str(sources)), obstacle=needed))
+    for name, words, needed in (
+        ("answers of release 0.1", ("tests/frozen/answers.py", "compare"), shared / "data"),
+        ("real clients of urtwin", ("urtwin/tests/real_clients.py", str(shared / "clients")),
+         shared / "clients"),
+    ):  # fmt: skip
+        obstacle = None if needed.exists() else f"not there: {needed.name}"
+        found.append(Step(name, words, obstacle=obstacle))
     for rate in ("125", "500"):
         words = ("urtwin/tests/fuzzing.py", "--lines", "20000", "--rate", rate)
         found.append(Step(f"20 000 hostile lines at {rate} Hz", words))
@@ -98,11 +92,11 @@ def steps() -> list[Step]:
         Step("wheels with each extra", ("benchmarks/proof/wheels.py",)),
         Step("demo, seeds 1 to 20", ("benchmarks/proof/demo_seeds.py",)),
         Step("fleet on Dask", ("benchmarks/fleet.py", "--robots", "20", "--dask", "3")),
-        Step("mutants, 3 a package", ("benchmarks/proof/mutants.py", "-n", "3")),
+        Step("mutants, 3 a package", ("benchmarks/proof/mutants.py", "--number", "3")),
     ]
 
 
-def run(step: Step) -> Result:
+def result_of(step: Step) -> Result:
     """Run one step; its output goes to the terminal, too."""
     if step.obstacle:
         return Result(None, 0.0, (step.obstacle,))
@@ -116,8 +110,7 @@ def run(step: Step) -> Result:
         text=True,
     )
     lines: list[str] = []
-    assert process.stdout is not None
-    for line in process.stdout:
+    for line in process.stdout or ():
         print(line, end="", flush=True)
         lines.append(line.strip().strip("=").strip())
     code = process.wait()
@@ -127,9 +120,6 @@ def run(step: Step) -> Result:
 
 def machine() -> str:
     """The processor, the system, and what computes."""
-    import numpy as np
-    import threadpoolctl
-
     blas = [info for info in threadpoolctl.threadpool_info() if info["user_api"] == "blas"]
     kernel = ", ".join(f"{b['internal_api']} {b['version']} ({b['architecture']})" for b in blas)
     return (
@@ -159,43 +149,35 @@ def write_page(rows: dict[str, str], known: list[Step]) -> None:
     never = Result(None, 0.0, (NEVER,))
     order = [rows.get(step.name) or row(step, never, "-") for step in known]
     ran = sum(step.name in rows for step in known)
-    head = "step", "result", "wall [s]", "commit, date", "last lines", "command"
+    head = ("step", "result", "wall [s]", "commit, date", "last lines", "command")
     text = [
-        "# Proof",
-        "",
-        "What `make proof` ran last: it is too long for every commit (`make test`).",
-        "",
-        f"Steps that have a result: {ran} of {len(known)}. Machine of the last run: {machine()}.",
-        "",
+        "# Proof\n",
+        "What `make proof` ran last: it is too long for every commit (`make test`).\n",
+        f"Steps that have a result: {ran} of {len(known)}. Machine of the last run: {machine()}.\n",
         f"| {' | '.join(head)} |",
-        "|---|---|---|---|---|---|",
+        "|---" * len(head) + "|",
         *order,
     ]
     PAGE.write_text("\n".join(text) + "\n", encoding="utf-8")
 
 
-def main() -> int:
-    """Run the steps, and write the page after each."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("words", nargs="*", help="steps to run: words of their names")
-    parser.add_argument("--list", action="store_true", help="print the steps and run nothing")
-    given = parser.parse_args()
+def main(words: tuple[str, ...] = (), /, list: bool = False) -> bool:
+    """Run the steps, and write the page after each; true if one fails."""
     known = steps()
-    chosen = [s for s in known if not given.words or any(w in s.name for w in given.words)]
-    if given.list:
-        print(json.dumps({step.name: step.shown for step in chosen}, indent=1))
-        return 0
+    chosen = [s for s in known if not words or any(w in s.name for w in words)]
     where = f"{commit()}, {datetime.datetime.now(datetime.UTC):%Y-%m-%d}"
     rows, failed = kept_rows(), 0
     for step in chosen:
         print(f"== {step.name}: {step.shown}", flush=True)
-        result = run(step)
+        if list:
+            continue
+        result = result_of(step)
         failed += result.passed is False
         rows[step.name] = row(step, result, where)
         write_page(rows, known)
     print(f"{len(chosen)} steps, {failed} failed; see {PAGE.relative_to(ROOT)}")
-    return int(failed > 0)
+    return failed > 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

@@ -1,6 +1,6 @@
 """Wheel and sdist of dynid and urtwin, installed in empty environments, with each extra.
 
-    python benchmarks/proof/wheels.py [--pythons 3.11 3.12 3.13] [--only bare sdist sim ur ...]
+    python benchmarks/proof/wheels.py [--pythons 3.11 3.12 3.13] [--only sdist sim ur ...]
 
 Interpreters are those of the PATH and of pyenv. Each environment starts as a copy of the bare
 installation, so that a row holds what the extra adds. After each installation `dynid --version`,
@@ -9,7 +9,6 @@ the example log. `oldest` is what the oldest packages that the requirements of t
 allow make of that log. Packages come from the index or pip's cache, as wheels only.
 """
 
-import argparse
 import shutil
 import subprocess
 import sys
@@ -19,7 +18,9 @@ import tomllib
 import venv
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from shared.measuring import ROOT, print_head, print_row, run
+
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 LOG = ROOT / "examples" / "data" / "ur5_no6.csv.gz"
 MODULES = {
@@ -51,7 +52,7 @@ def interpreter(version: str) -> str | None:
     return None
 
 
-def run(python: Path, *words: str | Path, cwd: Path | None = None) -> None:
+def python_runs(python: Path, *words: str | Path, cwd: Path | None = None) -> None:
     """Run Python, which has to succeed; by default outside the repository."""
     place = python.parents[1] if cwd is None else cwd
     command = [str(python), *map(str, words)]
@@ -61,7 +62,7 @@ def run(python: Path, *words: str | Path, cwd: Path | None = None) -> None:
 def pip(python: Path, *words: str | Path) -> None:
     """Install quietly, wheels only."""
     quiet = ("--quiet", "--disable-pip-version-check", "--only-binary", ":all:")
-    run(python, "-m", "pip", "install", *quiet, *words)
+    python_runs(python, "-m", "pip", "install", *quiet, *words)
 
 
 def build(folder: Path) -> Path:
@@ -71,7 +72,7 @@ def build(folder: Path) -> Path:
     python = folder / "build" / "bin" / "python"
     pip(python, "hatchling>=1.25")
     for source in (ROOT, ROOT / "urtwin"):
-        run(python, "-m", "hatchling", "build", "-d", target, cwd=source)
+        python_runs(python, "-m", "hatchling", "build", "-d", target, cwd=source)
     return target
 
 
@@ -82,10 +83,10 @@ def install(case: str, python: Path, dist: Path) -> None:
     match case:
         case "bare":
             pip(python, wheel)
-            run(python, "-m", "dynid", "import", LOG, "--robot", "ur5", "-o", "log.parquet")
+            python_runs(python, "-m", "dynid", "import", LOG, "--robot", "ur5", "-o", "log.parquet")
         case "oldest":
             pip(python, *(words.replace(">=", "==") for words in PROJECT["dependencies"]))
-            run(python, "-m", "dynid", "fit", "ur5", LOG, "-o", "fitted")
+            python_runs(python, "-m", "dynid", "fit", "ur5", LOG, "-o", "fitted")
         case "sdist":
             (source,) = dist.glob("dynid-*.tar.gz")
             pip(python, "--no-deps", "--force-reinstall", "--no-binary", "dynid", source)
@@ -96,9 +97,9 @@ def install(case: str, python: Path, dist: Path) -> None:
             pip(python, f"{wheel}[{case}]")
             missing = case == "ur" and python.resolve().name.endswith("3.13")
             modules = "" if missing else f", {MODULES[case]}"
-    run(python, "-c", f"import dynid{modules}")
-    run(python, "-m", "dynid", "--version")
-    run(python, "-m", "dynid", "analyze", "ur5", "--json")
+    python_runs(python, "-c", f"import dynid{modules}")
+    python_runs(python, "-m", "dynid", "--version")
+    python_runs(python, "-m", "dynid", "analyze", "ur5", "--json")
 
 
 def megabytes(folder: Path) -> float:
@@ -110,29 +111,26 @@ def megabytes(folder: Path) -> float:
     )
 
 
-def main() -> int:
-    """Build, install, print a row each."""
-    known = ["bare", "sdist", "oldest", *PROJECT["optional-dependencies"], "urtwin"]
+def main(pythons: tuple[str, ...] = ("3.11", "3.12", "3.13"), only: tuple[str, ...] = ()) -> bool:
+    """Build, install, print a row each; true if one fails."""
+    known = ["sdist", "oldest", *PROJECT["optional-dependencies"], "urtwin"]
     known.remove("dev")
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("--pythons", nargs="+", default=["3.11", "3.12", "3.13"])
-    parser.add_argument("--only", nargs="+", choices=known, default=known)
-    asked = parser.parse_args()
     failed = 0
-    print("| Python | installed | MB | s | result |\n|---|---|---:|---:|---|", flush=True)
+    print_head(("Python", "installed", "MB", "s", "result"))
     with tempfile.TemporaryDirectory() as place:
         dist = build(Path(place))
-        for version in asked.pythons:
+        for version in pythons:
             own = interpreter(version)
             if own is None:
-                print(f"| {version} | - | | | no such interpreter here |", flush=True)
+                print_row((version, "-", "", "", "no such interpreter here"))
                 continue
             bare = Path(place) / version
             subprocess.run([own, "-m", "venv", str(bare)], check=True)
-            left = {"bare"} if version == "3.11" else {"bare", "oldest"}  # No wheels then.
-            for case in ["bare", *(name for name in asked.only if name not in left)]:
+            # Of the oldest packages there are no wheels for newer ones.
+            cases = [x for x in only or known if x != "oldest" or version == "3.11"]
+            for case in ("bare", *cases):
                 folder = bare if case == "bare" else Path(place) / f"{version}-{case}"
-                if case != "bare":
+                if folder != bare:
                     shutil.copytree(bare, folder, symlinks=True, copy_function=_link)
                 started, result = time.perf_counter(), "passed"
                 try:
@@ -141,15 +139,12 @@ def main() -> int:
                     failed += 1
                     result = f"failed: {' '.join(map(str, error.cmd))[-80:]}"
                 wall = time.perf_counter() - started
-                print(
-                    f"| {version} | {case} | {megabytes(folder):.0f} | {wall:.0f} | {result} |",
-                    flush=True,
-                )
-                if case != "bare":
+                print_row((version, case, f"{megabytes(folder):.0f}", f"{wall:.0f}", result))
+                if folder != bare:
                     shutil.rmtree(folder)
             shutil.rmtree(bare)
     print(f"{failed} installations failed")
-    return int(failed > 0)
+    return failed > 0
 
 
 def _link(source: str, target: str) -> str:
@@ -159,4 +154,4 @@ def _link(source: str, target: str) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)
