@@ -1,7 +1,5 @@
 """Measure the tables of the README and of docs/real-recordings.md again, and draw its picture."""
 
-import re
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -12,14 +10,14 @@ from picture import draw
 from dynid.workflow import run_demo
 from dynid.workflow.demo import DemoRow
 
-ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from shared.measuring import DATA, ROOT, child, fill
 
 
 def real_recordings() -> str:
     """The table of `benchmarks/real_recordings.py`, without its times."""
-    script = ROOT / "benchmarks" / "real_recordings.py"
-    done = subprocess.run([sys.executable, str(script)], check=True, capture_output=True, text=True)
-    return "\n".join(line.rsplit("|", 2)[0] + "|" for line in done.stdout.splitlines())
+    lines = child([ROOT / "benchmarks" / "real_recordings.py"]).splitlines()
+    return "\n".join(line.rsplit("|", 2)[0] + "|" for line in lines)
 
 
 FIRST = ("UR5 no6, on no5", "UR5 no6, on no7", "UR10 1st", "KR300 A", "TX40 1st", "Panda 1st")
@@ -31,11 +29,8 @@ SHOWN = (0, 1, 2, 3, 8)
 def selected(table: str) -> str:
     """The README's part of the whole table."""
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()]
-    kept = [
-        row
-        for k, row in enumerate(rows)
-        if k < 2 or (row[0].startswith(FIRST) and row[1] != "this-motion")
-    ]
+    head, body = rows[:2], [row for row in rows[2:] if row[0].startswith(FIRST)]
+    kept = [*head, *(row for row in body if row[1] != "this-motion")]
     return "\n".join(f"| {' | '.join(row[k] for k in SHOWN)} |" for row in kept)
 
 
@@ -57,16 +52,9 @@ def _row(row: DemoRow) -> str:
     return "| " + " | ".join((quantity, row.unit, *numbers)) + " |"
 
 
-def fill(path: Path, name: str, table: str) -> None:
-    """Replace what stands between two marks."""
-    marks = re.compile(rf"(<!-- {name} -->\n).*?(\n<!-- /{name} -->)", re.DOTALL)
-    text = path.read_text(encoding="utf-8")
-    path.write_text(marks.sub(lambda found: found[1] + table + found[2], text), encoding="utf-8")
-
-
 def main() -> int:
     """Replace what stands between the marks; 1 if there is nothing to measure."""
-    if not (ROOT.parent / "shared" / "data").exists():
+    if not DATA.exists():
         print("the recordings are not at ../shared/data", file=sys.stderr)
         return 1
     whole = real_recordings()

@@ -6,6 +6,9 @@ What is there already in runs/rivals is not run again.
     make rivals                                     # all of it, on a fresh machine
     python benchmarks/rivals/rivals.py UR10 Panda   # cases whose names begin so
     python benchmarks/rivals/rivals.py --page       # of what was measured before, nothing more
+
+Where a rival errs less than dynid's default, the page says by how much; the reason has to stand in
+notes.md, which it ends with.
 """
 
 import ast
@@ -24,8 +27,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 import cases
-from run_one import CPU_LIMIT_S, peak_mb
-from shared.measuring import DATA, ROOT, commit, processor
+from run_one import CPU_LIMIT_S
+from shared.measuring import DATA, ROOT, commit, fill, peak_mb, processor, run
 
 import dynid
 from dynid.figures import Axis, Figure, Level, Panel, Points, category_axis, write_figure
@@ -43,14 +46,8 @@ RIVALS = {
 TOOLS = (*DYNID, *RIVALS)
 PACKAGES = ("figaroh", "pin", "mujoco", "mujoco-sysid", "scipy", "numpy")
 ROLES = ("predicted", "joint2", "joint1", "joint3", "joint4", "measured")
-SAME_MOTION = (
-    "Both recordings repeat one motion, and who follows that motion closely errs least. The "
-    "default chooses a model for any motion, by parts of the workspace that are left out: on "
-    "{other}, another motion, it errs by {own:.3g} N.m in all, everybody else by {least:.3g} to "
-    "{most:.3g}."
-)
-REASONS = {"UR5 no6, on no7": "no5", "UR5 no7, on no6": "no5"}
-"""Another motion, where dynid's default is not first on the same one."""
+README = ("UR5 no6", "UR10 1st", "KR300 A", "TX40 1st", "Panda 1st", "simulated")
+"""Beginnings of the recordings that the README shows: one direction each."""
 USER = """import dynid
 record = dynid.read_recording("log.csv", robot=(robot := dynid.load_robot("ur5")))
 result = dynid.identify([record], robot)
@@ -70,22 +67,16 @@ def dynid_on(name: str, purpose: str, result: Path) -> None:
     if case.truth is not None:
         rows = np.searchsorted(case.other.t, case.other.t[0] + found.validation.t - 1e-6)
         rms = np.sqrt(np.mean((found.validation.predicted - case.truth[rows]) ** 2, axis=0))
-    told = {
-        "rms": list(map(float, rms)),
-        "cpu_s": cpu,
-        "peak_mb": peak_mb(),
-        "before_mb": base,
-        "verdict": dynid.verdict(found).level,
-    }
+    told = {"rms": list(map(float, rms)), "cpu_s": cpu, "peak_mb": peak_mb(), "before_mb": base}
     result.write_text(json.dumps(told))
 
 
-def measured(case: cases.Case, tool: str, *, run: bool = True) -> dict:
-    """The result of a tool on a case, from the file if it is there; empty if it may not run."""
+def measured(case: cases.Case, tool: str, *, old: bool) -> dict:
+    """The result of a tool on a case, from the file if it is there; empty if that is to be old."""
     word = RIVALS[tool] if tool in RIVALS else f"dynid_{DYNID[tool]}"
     path = RUNS / "results" / f"{cases.folder_of(case, Path()).name}.{word}.json"
     path.parent.mkdir(parents=True, exist_ok=True)
-    if not path.exists() and not run:
+    if old and not path.exists():
         return {}
     if not path.exists():
         part = path.with_suffix(".part")
@@ -105,24 +96,18 @@ def measured(case: cases.Case, tool: str, *, run: bool = True) -> dict:
     return json.loads(path.read_text())
 
 
-def code_lines(source: str) -> int:
-    """Lines without comments, docstrings and blanks."""
-    tree, left = ast.parse(source), set()
-    for node in ast.walk(tree):
-        body = getattr(node, "body", None)
-        first = body[0] if isinstance(body, list) and body else None
-        if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
-            left |= set(range(first.lineno, (first.end_lineno or 0) + 1))
-    lines = source.splitlines()
-    kept = [
-        k for k, text in enumerate(lines, 1) if text.strip() and not text.lstrip().startswith("#")
-    ]
-    return len(set(kept) - left)
-
-
 def written(tool: str) -> int:
-    """Lines that a user of a tool writes."""
-    return code_lines(USER if tool in DYNID else (HERE / f"{RIVALS[tool]}.py").read_text())
+    """Lines that a user of a tool writes, without comments, docstrings and blanks."""
+    source = USER if tool in DYNID else (HERE / f"{RIVALS[tool]}.py").read_text()
+    strings = [
+        range(node.lineno - 1, node.end_lineno or 0)
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+    ]
+    return sum(
+        text.strip() != "" and text.strip()[0] != "#" and not any(k in rows for rows in strings)
+        for k, text in enumerate(source.splitlines())
+    )
 
 
 def versions() -> str:
@@ -163,8 +148,18 @@ def table_of(head: str, rows: dict[str, list[str]]) -> list[str]:
     return [f"| {head} | {' | '.join(TOOLS)} |", "|---|" + "---:|" * len(TOOLS), *lines]
 
 
-def document(table: dict[str, dict[str, dict]]) -> str:
-    """The page of results."""
+def behind(row: dict[str, dict]) -> str:
+    """Who errs less than dynid's default, and by how much; empty for nobody."""
+    errors = {tool: error_of(row.get(tool)) for tool in TOOLS}
+    less = {tool: 100 * (1 - errors[tool] / errors["dynid"]) for tool in RIVALS}
+    told = ", ".join(f"{tool} by {share:.0f} %" for tool, share in less.items() if share > 0)
+    own = errors["dynid --for this-motion"]
+    return told and f"less than dynid's default err {told}; `--for this-motion`: {own:.4g}."
+
+
+def document(table: dict[str, dict[str, dict]]) -> tuple[str, str]:
+    """The page of results, and the README's table."""
+    errors = table_of("recording", {name: error_cells(row) for name, row in table.items()})
     lines = [
         "# dynid beside other tools",
         "",
@@ -175,73 +170,34 @@ def document(table: dict[str, dict[str, dict]]) -> str:
         "Error on the part that was not identified: root of the summed squares of the joints' "
         "RMS errors [N.m], best in bold. `-`: not run; `x`: failed, see below.",
         "",
-        *table_of("recording", {name: error_cells(row) for name, row in table.items()}),
+        *errors,
         "",
         *table_of("", costs(table)),
     ]
-    told = ((name, why_behind(name, table)) for name in table)
-    behind = [_bullet(f"{name}: {why}") for name, why in told if why]
-    failed = [
-        _bullet(f"{tool}, {name}: {found['error']}")
+    less = {name: behind(row) for name, row in table.items()}
+    failed = {
+        f"{tool}, {name}": found["error"]
         for name, row in table.items()
         for tool, found in row.items()
         if "error" in found
-    ]
-    for title, part in (("Where dynid is not first", behind), ("What failed", failed)):
-        lines += ["", f"## {title}", "", *part] if part else []
+    }
+    for title, part in (("Where dynid is not first", less), ("What failed", failed)):
+        told = [f"- {name}: {text}" for name, text in part.items() if text]
+        words = {"subsequent_indent": "  ", "break_on_hyphens": False}
+        told = [textwrap.fill(text, 118, **words) for text in told]
+        lines += ["", f"## {title}", "", *told] if told else []
     absent = {tool: sum(tool not in row for row in table.values()) for tool in TOOLS}
     told = "; ".join(f"{tool} on {count} cases" for tool, count in absent.items() if count)
     if told:
         again = "`make rivals` runs what is missing"
         lines += ["", f"Not run (`-`), as the run was ended before: {told}. {again}."]
-    return "\n".join(lines) + "\n\n" + (HERE / "notes.md").read_text()
-
-
-def _bullet(text: str) -> str:
-    """An item of a list, as wide as the page."""
-    return textwrap.fill(f"- {text}", 118, subsequent_indent="  ", break_on_hyphens=False)
+    shown = [*errors[:2], *(row for row in errors[2:] if row[2:].startswith(README))]
+    return "\n".join(lines) + "\n\n" + (HERE / "notes.md").read_text(), "\n".join(shown)
 
 
 def error_of(found: dict | None) -> float:
     """Root of the summed squares; NaN without a result."""
     return float(np.linalg.norm(found["rms"])) if found and "rms" in found else float("nan")
-
-
-def why_behind(name: str, table: dict[str, dict[str, dict]]) -> str:
-    """Who errs less than dynid's default, by how much, and why; empty for nobody."""
-    errors = {tool: error_of(found) for tool, found in table[name].items() if "rms" in found}
-    own = errors.get("dynid")
-    better = {t: e for t, e in errors.items() if own is not None and t not in DYNID and e < own}
-    told = ", ".join(f"{tool} by {100 * (1 - e / own):.0f} %" for tool, e in better.items())
-    if not told:
-        return ""
-    purpose = errors.get("dynid --for this-motion", np.inf)
-    first = "first" if purpose <= min(better.values()) else "not first either"
-    said = f"less than dynid's default err {told}; `--for this-motion` is {first} ({purpose:.4g})."
-    if name not in REASONS:
-        return said
-    row = table[f"{name.split(', on ')[0]}, on {REASONS[name]}"]
-    others = [error_of(found) for tool, found in row.items() if tool not in DYNID]
-    why = SAME_MOTION.format(
-        other=REASONS[name],
-        own=error_of(row["dynid"]),
-        least=np.nanmin(others),
-        most=np.nanmax(others),
-    )
-    return f"{said} {why}"
-
-
-README = ("UR5 no6", "UR10 1st", "KR300 A", "TX40 1st", "Panda 1st", "simulated")
-"""Beginnings of the recordings that the README shows: one direction each."""
-
-
-def fill_readme(page: str) -> None:
-    """Copy the page's table of errors to the README, one direction of each pair of recordings."""
-    path, mark, end = ROOT / "README.md", "<!-- rivals -->\n", "\n<!-- /rivals -->"
-    before, rest = path.read_text().split(mark)
-    head, rule, *rows = page.split("\n\n")[3].splitlines()
-    kept = "\n".join([head, rule, *(row for row in rows if row[2:].startswith(README))])
-    path.write_text(before + mark + kept + end + rest.split(end)[1])
 
 
 def draw(table: dict[str, dict[str, dict]], path: Path) -> None:
@@ -265,32 +221,28 @@ def draw(table: dict[str, dict[str, dict]], path: Path) -> None:
     write_figure(figure, path)
 
 
-def main(words: list[str]) -> int:
+def main(names: tuple[str, ...] = (), /, page: bool = False, one: tuple[str, ...] = ()) -> None:
     """Measure; write the page and the figure, of all recordings."""
-    if words[:1] == ["--one"]:
-        dynid_on(words[1], words[2], Path(words[3]))
-        return 0
-    run = words[:1] != ["--page"]
-    words = words if run else words[1:]
+    if one:
+        case, purpose, result = one
+        dynid_on(case, purpose, Path(result))
+        return
     if not DATA.exists():
         print(f"no recordings at {DATA}: simulated arms only")
     table: dict[str, dict[str, dict]] = {}
     for case in cases.all_cases(DATA):
-        if words and not any(case.name.startswith(word) for word in words):
+        if names and not case.name.startswith(names):
             continue
-        found = {tool: measured(case, tool, run=run) for tool in (*RIVALS, *DYNID)}
+        found = {tool: measured(case, tool, old=page) for tool in (*RIVALS, *DYNID)}
         if any(found.values()):
             table[case.name] = {tool: result for tool, result in found.items() if result}
         print(case.name, {tool: round(error_of(r), 3) for tool, r in found.items()}, flush=True)
-    if words:
-        return 0
-    (ROOT / "docs" / "figures").mkdir(exist_ok=True)
-    draw(table, ROOT / "docs" / "figures" / "rivals.svg")
-    page = document(table)
-    (ROOT / "docs" / "benchmarks.md").write_text(page)
-    fill_readme(page)
-    return 0
+    if not names:
+        draw(table, ROOT / "docs" / "figures" / "rivals.svg")
+        text, shown = document(table)
+        (ROOT / "docs" / "benchmarks.md").write_text(text)
+        fill(ROOT / "README.md", "rivals", shown)
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    run(main)

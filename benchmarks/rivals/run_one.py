@@ -12,14 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from shared.measuring import peak_mb
+
 CPU_LIMIT_S = 120
 """A rival that takes longer on one case is stopped, and told to have failed."""
-
-
-def peak_mb() -> float:
-    """Most memory of this process so far; `ru_maxrss` would count its parent's."""
-    lines = Path("/proc/self/status").read_text().splitlines()
-    return float(next(x for x in lines if x.startswith("VmHWM")).split()[1]) / 1024
 
 
 def main(name: str, folder: Path, result: Path) -> None:

@@ -4,6 +4,7 @@ import argparse
 import inspect
 import os
 import platform
+import re
 import subprocess
 import sys
 import time
@@ -104,6 +105,13 @@ def processor() -> str:
     lines = path.read_text().splitlines() if path.exists() else []
     named = (line.partition(": ")[2] for line in lines if line.startswith("model name"))
     return next(named, platform.processor())
+
+
+def fill(path: Path, name: str, text: str) -> None:
+    """Replace what stands between two marks of a document."""
+    marks = re.compile(rf"(<!-- {name} -->\n).*?(\n<!-- /{name} -->)", re.DOTALL)
+    whole = path.read_text(encoding="utf-8")
+    path.write_text(marks.sub(lambda found: found[1] + text + found[2], whole), encoding="utf-8")
 
 
 def print_row(cells: Iterable[object]) -> None:
