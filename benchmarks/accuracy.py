@@ -20,14 +20,12 @@ Asked: reached in 90 % of the cases that ten times the time reaches, else said; 
 Needs MuJoCo: pip install 'dynid[dev]'. Exits with 1 where an asked figure is missed.
 """
 
-from __future__ import annotations
-
 import itertools
 import time
 from dataclasses import dataclass, replace
 
 import numpy as np
-from shared.measuring import run
+from shared.measuring import asked, run
 
 from dynid import DesignSettings, ExcitationDesign, ExperimentRecord, design, identify
 from dynid.bench import Plant, arm, plant
@@ -36,56 +34,17 @@ from dynid.core import Array, JobError
 from dynid.excitation import assumed_noise, safe_motions
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
-from dynid.robot import RobotModel
 from dynid.trajectory import JointMotion
 from dynid.workflow import IdentifySettings
 
-ARMS = ("ur5", "ur10e", "seven")
-RATE_HZ = 125.0
+RATE_HZ, LONGER = 125.0, 10
 STEP_SPEED = 0.001
 """Of the smooth Coulomb step [rad/s]."""
-LONGER = 10
 FIXED_S, FIXED_PERCENT = 30.0, 3.0
-_PRESETS = ("paper", "best")
-"""For friction of the model's kind, and for other."""
 
 
-@dataclass(frozen=True)
-class Arm:
-    """An arm, and the motions on which models of its plants are judged."""
-
-    robot: RobotModel
-    motions: list[JointMotion]
-
-    @classmethod
-    def named(cls, name: str) -> Arm:
-        """One of `ARMS`."""
-        robot = arm(name)
-        base = reduce_model(InverseDynamicModel(robot=robot))
-        return cls(robot, safe_motions(base, safe_constraints(robot), seed=1)[:10])
-
-    def errors(
-        self, found: ExcitationDesign, count: int, noise: Array, seed: int, rich: bool
-    ) -> tuple[float, float]:
-        """Torque errors [%] of a model from `count` periods on a plant: true, and as dynid says."""
-        real = plant(self.robot, seed)
-        times = np.arange(round(found.trajectory.duration * RATE_HZ)) / RATE_HZ
-        motion = found.trajectory.evaluate(times)
-        torque = np.tile(_torque(real, motion, rich), (count, 1))
-        random = np.random.default_rng([seed, count])
-        q = real.position_step * np.round(motion.q / real.position_step)
-        noisy = torque + noise * random.standard_normal(torque.shape)
-        signals = {"q": np.tile(q, (count, 1)), "effort": noisy}
-        record = ExperimentRecord(t=np.arange(len(torque)) / RATE_HZ, signals=signals)
-        result = identify(record, self.robot, IdentifySettings(preset=_PRESETS[rich]))
-        true = np.concatenate([_torque(real, held, rich) for held in self.motions])
-        told = [result.estimate.predict(held.q, held.dq, held.ddq) for held in self.motions]
-        error = np.linalg.norm(np.concatenate(told) - true) / np.linalg.norm(true)
-        said = 0.0 if result.accuracy is None else result.accuracy.bound_percent
-        return 100 * float(error), said
-
-
-def _torque(real: Plant, motion: JointMotion, rich: bool) -> Array:
+def torque_of(real: Plant, motion: JointMotion, rich: bool) -> Array:
+    """(N, n) torques without noise."""
     rigid = real.torque(motion.q, motion.dq, motion.ddq)
     if rich:
         return rigid + real.friction(motion.dq, rigid, float(motion.t[1] - motion.t[0]))
@@ -93,34 +52,42 @@ def _torque(real: Plant, motion: JointMotion, rich: bool) -> Array:
     return rigid + real.coulomb * np.tanh(motion.dq / STEP_SPEED) + real.viscous * motion.dq
 
 
-@dataclass
-class Count:
-    """Cases so far."""
+@dataclass(frozen=True)
+class Trial:
+    """One plant of an arm, its noise, and the motions on which models of it are judged."""
 
-    reached: int = 0
-    later: int = 0
-    """Missed, but reached in ten times the time."""
-    never: int = 0
-    said: int = 0
-    """Of those that are never reached."""
+    real: Plant
+    noise: Array
+    held: list[JointMotion]
+    seed: int
+    rich: bool
 
-    def case(self, arm: Arm, found: ExcitationDesign, noise: Array, seed: int, rich: bool) -> float:
-        """Count one; the true error [%]."""
-        asked, count = found.provenance.settings["accuracy_percent"], found.repetitions
-        error, said = arm.errors(found, count, noise, seed, rich)
-        if error <= asked:
-            self.reached += 1
-        elif arm.errors(found, LONGER * count, noise, seed, rich)[0] <= asked:
-            self.later += 1
-        else:
-            self.never += 1
-            self.said += said > asked
-        return error
+    def errors(self, found: ExcitationDesign, count: int) -> tuple[float, float]:
+        """Torque errors [%] of a model from `count` periods: true, and as dynid says."""
+        real = self.real
+        times = np.arange(round(found.trajectory.duration * RATE_HZ)) / RATE_HZ
+        motion = found.trajectory.evaluate(times)
+        torque = np.tile(torque_of(real, motion, self.rich), (count, 1))
+        random = np.random.default_rng([self.seed, count])
+        q = real.position_step * np.round(motion.q / real.position_step)
+        noisy = torque + self.noise * random.standard_normal(torque.shape)
+        signals = {"q": np.tile(q, (count, 1)), "effort": noisy}
+        record = ExperimentRecord(t=np.arange(len(torque)) / RATE_HZ, signals=signals)
+        settings = IdentifySettings(preset="best" if self.rich else "paper")
+        result = identify(record, real.robot, settings)
+        true = np.concatenate([torque_of(real, one, self.rich) for one in self.held])
+        told = [result.estimate.predict(one.q, one.dq, one.ddq) for one in self.held]
+        error = np.linalg.norm(np.concatenate(told) - true) / np.linalg.norm(true)
+        return 100 * float(error), result.accuracy.bound_percent if result.accuracy else 0.0
 
-    @property
-    def share(self) -> float:
-        """Reached, of those that can be."""
-        return self.reached / max(self.reached + self.later, 1)
+    def outcome(self, found: ExcitationDesign, percent: float) -> tuple[float, str]:
+        """The true error [%], and whether the design reaches what is asked."""
+        error, said = self.errors(found, found.repetitions)
+        if error <= percent:
+            return error, "reached"
+        if self.errors(found, LONGER * found.repetitions)[0] <= percent:
+            return error, "in ten times the time"
+        return error, "never, and said" if said > percent else "never"
 
 
 def main(
@@ -128,45 +95,55 @@ def main(
     rich: int = 0,
     percents: tuple[float, ...] = (5.0, 3.0, 2.0),
     factors: tuple[float, ...] = (3.0, 1.0),
-    arms: tuple[str, ...] = ARMS,
+    arms: tuple[str, ...] = ("ur5", "ur10e", "seven"),
 ) -> bool:
     """Print a line a design; true if an asked figure is missed."""
-    kinds = ("Coulomb and viscous friction", "rich friction")
-    counts = (Count(), Count())
+    kinds = {"Coulomb and viscous friction": plants, "rich friction": rich}
+    outcomes: dict[str, list[str]] = {kind: [] for kind in kinds}
     shares: list[float] = []
     for factor, name in itertools.product(factors, arms):
-        arm = Arm.named(name)
-        noise = factor * assumed_noise(arm.robot)
+        robot = arm(name)
+        base, noise = reduce_model(InverseDynamicModel(robot=robot)), factor * assumed_noise(robot)
+        held = safe_motions(base, safe_constraints(robot), seed=1)[:10]
         settings = DesignSettings(noise=tuple(noise))
-        fixed = design(arm.robot, settings)
-        by_fixed = [arm.errors(fixed, 3, noise, k, False)[0] for k in range(plants)]
+        fixed = design(robot, settings)
+        trials = {
+            kind: [Trial(plant(robot, k), noise, held, k, kind[0] == "r") for k in range(count)]
+            for kind, count in kinds.items()
+        }
+        by_fixed = [one.errors(fixed, 3)[0] for one in next(iter(trials.values()))]
         print(f"{name:6} noise x{factor:g} 3 x 10 s: {_range(by_fixed)}", flush=True)
         for percent in percents:
             began, line = time.process_time(), f"{name:6} noise x{factor:g} {percent:g} %:"
             try:
-                found = design(arm.robot, replace(settings, accuracy_percent=percent))
+                found = design(robot, replace(settings, accuracy_percent=percent))
             except JobError as error:
                 print(line, f"said: {error}", flush=True)
                 continue
             cpu, period = time.process_time() - began, found.trajectory.duration
             line += f" {found.repetitions} x {period:.1f} s, expected"
             line += f" {found.expected.bound_percent:.2f} %, {cpu:.0f} s CPU"
-            for what, count, number in zip(kinds, counts, (plants, rich), strict=True):
-                own = what == kinds[1]
-                errors = [count.case(arm, found, noise, k, own) for k in range(number)]
-                if errors:
-                    good = sum(error <= percent for error in errors)
-                    line += f"; {what}: {_range(errors)}, {good} of {len(errors)} reached"
+            for kind, some in trials.items():
+                told = [one.outcome(found, percent) for one in some]
+                outcomes[kind] += [what for _, what in told]
+                if told:
+                    good = sum(what == "reached" for _, what in told)
+                    line += f"; {kind}: {_range([e for e, _ in told])}, {good} of {len(told)}"
             print(line, flush=True)
             if percent == FIXED_PERCENT:
                 share = found.repetitions * period / FIXED_S
                 shares += [share] * sum(error <= percent for error in by_fixed)
-    for what, count in zip(kinds, counts, strict=True):
-        print(f"{what}: {count.reached} reached, {count.later} in ten times the time, {count.never}"
-              f" never, of which said {count.said}")  # fmt: skip
-    used = float(np.mean(shares)) if shares else 0.0
-    print(f"robot time over 3 x 10 s at {FIXED_PERCENT:g} %: {100 * used:.0f} % (asked: 60)")
-    return min(count.share for count in counts if count.reached) < 0.9 or used > 0.6
+    missed = False
+    for kind, told in outcomes.items():
+        print(f"{kind}: {', '.join(f'{told.count(what)} {what}' for what in sorted(set(told)))}")
+        if reached := told.count("reached"):
+            can = reached + told.count("in ten times the time")
+            missed |= asked(
+                "share of those that ten times the time reaches", reached / can, least=0.9
+            )
+    if shares:
+        missed |= asked("robot time over that of 3 x 10 s", float(np.mean(shares)), most=0.6)
+    return missed
 
 
 def _range(errors: list[float]) -> str:

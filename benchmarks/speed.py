@@ -1,6 +1,6 @@
 """Speed beside the plain way, in turn on one thread; the fastest round counts.
 
-    python benchmarks/speed.py [start|sums|designs|header...]
+    python benchmarks/speed.py [start|sums|designs|header|runs...]
 
 `start`: wall time of `dynid --help` beside `python -c "import numpy"`.
 `sums`: regressor and products of a UR5 (52 columns) beside a loop over pinocchio's regressor with
@@ -9,6 +9,7 @@ products of its rows.
 columns, 1250 samples), beside pinocchio in a loop and `numpy.linalg.cond`; and its gradient.
 `header`: the generated C header, compiled with -O2; UR5 with the paper's friction, and with
 friction that grows with load and torque ripple of two waves, cubic in speed, of every joint.
+`runs`: 60 s of a plan with `--on sim`, by CPU time, and on the simulated controller in virtual time.
 
 Asked figures stand beside what is measured; exits with 1 where one is missed. Needs pinocchio (pip
 install 'dynid[dev]') and a C compiler.
@@ -29,16 +30,21 @@ from shared.measuring import ROOT, asked, child, fastest, run
 from shared.pinocchio_arm import PinocchioArm
 
 from dynid.core import Array, one_thread
+from dynid.drivers import Driver, SimulatedDriver, UrDriver, inspect
 from dynid.excitation import CRITERIA, GramKernel, parse_criterion
+from dynid.experiment import ExperimentPlan
 from dynid.export import write_model
 from dynid.export.generated_code import c_prefix
 from dynid.export.verification import C_FLAGS, c_compiler
 from dynid.identification import PanelRows, PassPlan, sum_rows
+from dynid.recording import RecordMetadata, RecordWriter
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, Gear, InverseDynamicModel, TorqueRipple
 from dynid.robot import load_robot
 from dynid.signals import Samples
-from dynid.trajectory import harmonic_basis
+from dynid.simulation import simulated_arm
+from dynid.trajectory import harmonic_basis, rest_series
+from urtwin import controller_process
 
 sys.path.insert(0, str(ROOT / "tests" / "export"))
 import known_exports
@@ -51,6 +57,7 @@ COMMANDS = {
 }
 SAME = 1e-8
 """The two ways must agree, to this share of the largest number."""
+POSE = np.array([0.1, -1.4, 0.3, -2.1, 0.2, 0.1])
 CALLS, RUNS = 200_000, 7
 PROGRAM = """
 #include <stdio.h>
@@ -175,10 +182,34 @@ def header() -> bool:
     return missed
 
 
+def runs() -> bool:
+    robot, periods = load_robot("ur5"), 6
+    motion = rest_series(10.0, POSE, 0.05 * np.random.default_rng(0).normal(size=(6, 8)))
+    plan = ExperimentPlan(robot=robot, trajectory=motion, periods=periods)
+    with tempfile.TemporaryDirectory() as folder:
+
+        def ran(driver: Driver, clock: Callable[[], float]) -> float:
+            path, source = Path(folder) / "run.parquet", driver.source
+            words = (path, robot.joint_names, source.quantities, RecordMetadata(robot="ur5"))
+            begun = clock()
+            with RecordWriter(*words, channels=source.channels, force=True) as recorder:
+                outcome = driver.execute(plan.passes()[-1].execution, recorder)
+            if outcome.abort is not None:
+                raise SystemExit(f"stopped: {outcome.abort}")
+            return 10 * periods / (clock() - begun)
+
+        # The first one compiles.
+        alone = [ran(SimulatedDriver(simulated_arm(robot)), time.process_time) for _ in range(2)]
+        with controller_process("ur5", virtual_time=True, hold=True) as controller:
+            virtual = ran(UrDriver(inspect(controller.host)), time.perf_counter)
+    missed = asked("run in process, times real time by CPU", alone[-1], least=20)
+    return asked("run in virtual time, times real time", virtual, least=5) or missed
+
+
 @one_thread()
-def main(parts: tuple[str, ...] = ("start", "sums", "designs", "header"), /) -> bool:
-    known = {one.__name__: one for one in (start, sums, designs, header)}
-    return sum(known[name]() for name in parts) > 0
+def main(parts: tuple[str, ...] = (), /) -> bool:
+    known = {one.__name__: one for one in (start, sums, designs, header, runs)}
+    return sum(known[name]() for name in parts or known) > 0
 
 
 if __name__ == "__main__":
