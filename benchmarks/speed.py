@@ -9,7 +9,7 @@ products of its rows.
 columns, 1250 samples), beside pinocchio in a loop and `numpy.linalg.cond`; and its gradient.
 `header`: the generated C header, compiled with -O2; UR5 with the paper's friction, and with
 friction that grows with load and torque ripple of two waves, cubic in speed, of every joint.
-`runs`: 60 s of a plan with `--on sim`, by CPU time, and on the simulated controller in virtual time.
+`runs`: 60 s of a plan with `--on sim`, by CPU time, and on the controller in virtual time.
 
 Asked figures stand beside what is measured; exits with 1 where one is missed. Needs pinocchio (pip
 install 'dynid[dev]') and a C compiler.

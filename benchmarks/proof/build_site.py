@@ -13,32 +13,23 @@ import subprocess
 import sys
 import venv
 from pathlib import Path
+from typing import Any
+
+import yaml
 
 import dynid
 
-ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from shared.measuring import ROOT, child, run
+
 TOOLS = ("mkdocs-material>=9.5", "mkdocstrings[python]>=0.26", "nbconvert>=7", "ipykernel>=6")
 NAV = {
-    "Tutorials": ["tutorial-real-data.md", "tutorial-simulated.md", "tutorial.md"],
-    "How to": [
-        "recordings.md",
-        "robot-files.md",
-        "running.md",
-        "safety.md",
-        "models.md",
-        "fleet.md",
-    ],
-    "Explanation": [
-        "equations.md",
-        "excitation.md",
-        "warnings.md",
-        "verdicts.md",
-        "architecture.md",
-    ],
-    "Reference": ["reference/cli.md", "reference/api.md", "json.md", "controller.md", "studio.md"],
+    "Tutorials": "tutorial-real-data tutorial-simulated tutorial",
+    "How to": "recordings robot-files running safety models fleet",
+    "Explanation": "equations excitation warnings verdicts architecture",
+    "Reference": "reference/cli reference/api json controller studio",
 }
-
-
+"""Pages in their order; those that it does not name are explanations."""
 CSS = """.md-typeset td code { word-break: normal; white-space: nowrap; }
 .md-typeset td:not(:first-child) code { white-space: normal; }
 """
@@ -89,22 +80,18 @@ def pages(source: Path) -> None:
 
 def examples() -> str:
     """The scripts of examples/, with what they say of themselves."""
-    parts = ["# Examples\n"]
-    for path in sorted((ROOT / "examples").glob("*.py")):
-        parts.append(f"## {path.stem.replace('_', ' ')}\n\n```python\n{path.read_text()}```\n")
-    return "\n".join(parts)
+    paths = sorted((ROOT / "examples").glob("*.py"))
+    parts = [f"## {p.stem.replace('_', ' ')}\n\n```python\n{p.read_text()}```\n" for p in paths]
+    return "\n".join(["# Examples\n", *parts])
 
 
 def commands() -> str:
     """`--help` of every command."""
-    run = [sys.executable, "-m", "dynid"]
-    whole = subprocess.run([*run, "--help"], capture_output=True, text=True, check=True).stdout
+    whole = child(["-m", "dynid", "--help"])
     listed = re.findall(r"^  ([a-z]+)  +\S", whole.partition("Commands:")[2], re.MULTILINE)
-    parts = ["# Commands\n", f"```\n{whole}```\n"]
-    for name in listed:
-        done = subprocess.run([*run, name, "--help"], capture_output=True, text=True, check=True)
-        parts.append(f"## dynid {name}\n\n```\n{done.stdout}```\n")
-    return "\n".join(parts)
+    each = [(name, child(["-m", "dynid", name, "--help"])) for name in listed]
+    parts = [f"## dynid {name}\n\n```\n{text}```\n" for name, text in each]
+    return "\n".join([f"# Commands\n\n```\n{whole}```\n", *parts])
 
 
 def notebooks(python: Path, source: Path) -> list[str]:
@@ -117,47 +104,50 @@ def notebooks(python: Path, source: Path) -> list[str]:
     return [f"notebooks/{path.name}" for path in sorted(target.glob("*.md"))]
 
 
-def configuration(source: Path, target: Path, executed: list[str]) -> str:
+def configuration(source: Path, target: Path, executed: list[str]) -> dict[str, Any]:
     """mkdocs.yml."""
-    nav = {**NAV, "Examples": ["examples.md", *executed]}
+    nav = {title: [f"{name}.md" for name in names.split()] for title, names in NAV.items()}
+    nav["Examples"] = ["examples.md", *executed]
     known = {page for group in nav.values() for page in group} | {"index.md"}
-    rest = sorted(path.name for path in source.glob("*.md") if path.name not in known)
-    nav["Explanation"] = [*nav["Explanation"], *rest]
-    lines = [
-        f"  - {title}:\n" + "".join(f"      - {page}\n" for page in nav[title]) for title in nav
+    nav["Explanation"] += sorted(p.name for p in source.glob("*.md") if p.name not in known)
+    shown = {"docstring_style": "google", "show_source": False, "heading_level": 2}
+    shown |= {"show_root_heading": True, "show_root_full_path": False}
+    python = {"paths": [str(ROOT / "src")], "options": shown}
+    palettes = [
+        {"media": f"(prefers-color-scheme: {name})", "scheme": scheme}
+        for name, scheme in (("light", "default"), ("dark", "slate"))
     ]
-    return (
-        "site_name: dynid\n"
-        f"docs_dir: {source}\nsite_dir: {target}\n"
-        "use_directory_urls: false\n"
-        "theme:\n  name: material\n  font: false\n"
-        "  features: [navigation.tabs, content.code.copy]\n"
-        "  palette:\n"
-        "    - {media: '(prefers-color-scheme: light)', scheme: default}\n"
-        "    - {media: '(prefers-color-scheme: dark)', scheme: slate}\n"
-        "extra_css: [site.css]\n"
-        "plugins:\n  - search\n  - mkdocstrings:\n      handlers:\n        python:\n"
-        f"          paths: [{ROOT / 'src'}]\n"
-        "          options: {docstring_style: google, show_source: false, heading_level: 2,\n"
-        "            show_root_heading: true, show_root_full_path: false}\n"
-        "markdown_extensions: [tables, fenced_code, admonition, pymdownx.highlight, "
-        "pymdownx.superfences]\n"
-        "validation: {omitted_files: warn, anchors: warn, unrecognized_links: warn}\n"
-        "nav:\n  - dynid: index.md\n" + "".join(lines)
-    )
+    return {
+        "site_name": "dynid",
+        "docs_dir": str(source),
+        "site_dir": str(target),
+        "use_directory_urls": False,
+        "theme": {
+            "name": "material",
+            "font": False,
+            "features": ["navigation.tabs", "content.code.copy"],
+            "palette": palettes,
+        },
+        "extra_css": ["site.css"],
+        "plugins": ["search", {"mkdocstrings": {"handlers": {"python": python}}}],
+        "markdown_extensions": [
+            "tables", "fenced_code", "admonition", "pymdownx.highlight", "pymdownx.superfences",
+        ],
+        "validation": dict.fromkeys(("omitted_files", "anchors", "unrecognized_links"), "warn"),
+        "nav": [{"dynid": "index.md"}, *({title: names} for title, names in nav.items())],
+    }  # fmt: skip
 
 
-def main() -> None:
+def main(target: Path = ROOT / "build" / "site", /) -> None:
     """Build the site."""
-    build = ROOT / "build"
-    target = Path(sys.argv[1]).resolve() if len(sys.argv) > 1 else build / "site"
+    build, target = ROOT / "build", target.resolve()
     source = build / "site-pages"
     shutil.rmtree(source, ignore_errors=True)
     python = environment(build / "site-env")
     pages(source)
     executed = notebooks(python, source)
     config = build / "mkdocs.yml"
-    config.write_text(configuration(source, target, executed), encoding="utf-8")
+    config.write_text(yaml.safe_dump(configuration(source, target, executed)), encoding="utf-8")
     words = ["-m", "mkdocs", "build", "--quiet", "--strict", "--config-file", str(config)]
     quiet = os.environ | {"NO_MKDOCS_2_WARNING": "1"}
     subprocess.run([str(python), *words], check=True, env=quiet)
@@ -166,4 +156,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -56,7 +56,8 @@ def commit() -> str:
 
 def asked(what: str, value: float, *, least: float = -np.inf, most: float = np.inf) -> bool:
     """Print a figure beside what is asked of it; true if that is missed."""
-    limit = f"at most {most:g}" if np.isfinite(most) else f"at least {least:g}"
+    limits = (("at least", least), ("at most", most))
+    limit = ", ".join(f"{word} {value:g}" for word, value in limits if np.isfinite(value))
     missed = not least <= value <= most
     print(f"{what}: {value:.3g} (asked: {limit}){', MISSED' * missed}", flush=True)
     return missed
