@@ -7,14 +7,14 @@ C of the estimate, sqrt(mean Y C Y'), without sampling. Held-out motions: 10 of 
 and 10 pick-and-place motions, all safe; no design sees them.
 
     python benchmarks/criteria.py [--seeds 10] [--starts 4] [--only A B] [--no-collision]
-    python benchmarks/criteria.py --crowded-places [--seeds 1]
+    python benchmarks/criteria.py crowded [--seeds 1]
 
 The columns of the table are means over the seeds:
   held-out   deviation of the predicted torque over the joint's noise, averaged over joints
   friction   the same where the plant has Stribeck and load friction that the model lacks
   worst      largest standard deviation of a base parameter (DH frames, first-come, SI units)
 
-`--crowded-places`: a table and a wall, three boxes, a tool with a payload, for three arms; beside
+`crowded`: a table and a wall, three boxes, a tool with a payload, for three arms; beside
 designs without a scene, on held-out motions of the whole workspace and those that keep the scene.
 
 Exits with 1 where an asked figure is missed. Needs pinocchio: pip install 'dynid[dev]'.
@@ -285,13 +285,14 @@ def crowded(seeds: int) -> bool:
 
 @one_thread()
 def main(
+    what: str = "criteria",
+    /,
     seeds: int = 0,
     starts: int = 4,
     only: tuple[str, ...] = (),
     no_collision: bool = False,
-    crowded_places: bool = False,
 ) -> bool:
-    if crowded_places:
+    if what == "crowded":
         return crowded(seeds or 1)
     return criteria(seeds or 10, starts, only, not no_collision)
 

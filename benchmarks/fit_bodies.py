@@ -6,7 +6,8 @@ The proof reads the robot as users do, and finds for every triangle one body tha
 corners (a convex combination of the body's points that is within its radius of each); bodies are
 convex, so that they hold the triangle. `benchmarks/bodies.json` gets the triangles that no body
 holds, and the price, which is how far the outer surface of a link's bodies is from its mesh. Exits
-with 1 where a triangle is in no body. The bodies were fitted with `--fit` of commit c4d07d92.
+with 1 where a triangle is in no body. The option that fitted them, `--fit`, last stood in commit
+c4d07d92.
 """
 
 import json

@@ -31,14 +31,6 @@ class PinocchioArm:
         self.data = self.model.createData()
         self._maps = [_parameter_map(frame) for frame in robot.parameter_frames[frames]]
 
-    def loop(self, q: Array, dq: Array, ddq: Array, out: Array) -> None:
-        """Fill (N, n, 10 n or more) with the inertial columns, pinocchio's parameters."""
-        count = 10 * self.robot.joints
-        for k in range(len(q)):
-            out[k, :, :count] = pin.computeJointTorqueRegressor(
-                self.model, self.data, q[k], dq[k], ddq[k]
-            )
-
     def rows(self, q: Array, dq: Array, ddq: Array, out: Array | None = None) -> Array:
         """(N, n, 13 n) regressor: inertial columns in the frames, Coulomb, viscous, motor.
 
@@ -46,7 +38,10 @@ class PinocchioArm:
         """
         n, own = self.robot.joints, np.arange(self.robot.joints)
         out = np.zeros((len(q), n, 13 * n)) if out is None else out
-        self.loop(q, dq, ddq, out)
+        for k in range(len(q)):
+            out[k, :, : 10 * n] = pin.computeJointTorqueRegressor(
+                self.model, self.data, q[k], dq[k], ddq[k]
+            )
         for k, change in enumerate(self._maps):
             part = slice(10 * k, 10 * k + 10)
             out[..., part] = out[..., part] @ change
