@@ -269,27 +269,28 @@ class ScoreSearch:
         rate = signals.rate_hz
         kept = np.round(samples.t * rate).astype(int)
         circular = settings.period_s is not None
+        first, block = samples.rows.start, samples.block
+        # The torques come in several versions: only what is added to them is wanted of the problem.
+        still = replace(samples, tau=np.zeros(samples.q.shape))
+        problem = IdentificationProblem(base=self.base, samples=still)
+        used = kept[first : first + problem.blocks * block]
         torques = np.stack(
-            [delayed(signals.torque, rate, tuple(d), circular)[kept].T for d in versions.tolist()]
+            [
+                block_mean(delayed(signals.torque, rate, tuple(d), circular)[used].T, block)
+                for d in versions.tolist()
+            ]
         )
         load = np.zeros(samples.q.T.shape)
         if inertias is not None:
             load = load_size(self.base.model, samples, inertias)
-        each = zip(samples.dq.T, load, columns.states(samples), strict=True)
-        # The largest array of an identification: joint by joint into its place.
-        own = np.empty((len(columns.positive), *load.shape))
-        for j, joint in enumerate(each):
-            own[:, j] = columns.values(j, *joint)
-        # The torques come in several versions: only what is added to them is wanted here.
-        still = replace(samples, tau=np.zeros(samples.q.shape))
-        problem = IdentificationProblem(base=self.base, samples=still)
-        used = slice(samples.rows.start, samples.rows.start + problem.blocks * samples.block)
-        own, torques = (
-            block_mean(values[..., used], samples.block)
-            for values in (samples.as_recorded(own), torques)
-        )
+        states = columns.states(samples)
         for rows, stack, known in problem.chunks():
-            yield rows, np.concatenate([stack, own[:, :, rows], torques[:, :, rows] + known])
+            part = slice(first + block * rows.start, first + block * rows.stop)
+            wide, inner = samples.surroundings(part)
+            each = zip(samples.dq[wide].T, load[:, wide], states[..., wide], strict=True)
+            own = np.stack([columns.values(j, *joint) for j, joint in enumerate(each)], axis=1)
+            own = block_mean(samples.as_recorded(own, wide)[..., inner], block)
+            yield rows, np.concatenate([stack, own, torques[..., rows] + known])
 
     def picks_at(
         self,
