@@ -48,7 +48,12 @@ from dynid.identification.selection.gram import (
     signed_solutions,
     solutions,
 )
-from dynid.identification.selection.regions import find_regions, moving_rows
+from dynid.identification.selection.regions import (
+    MOST_ALONE,
+    divided,
+    find_regions,
+    moving_rows,
+)
 from dynid.identification.selection.scoring import gain_of
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
@@ -178,11 +183,30 @@ def test_regions_know_no_order_and_no_rest() -> None:
 def test_a_reversal_is_motion_and_a_stop_is_rest() -> None:
     t = np.arange(0.0, 10.0, 0.01)
     dq = np.where(t < 5.0, np.sin(2.0 * t), 0.0)[:, None]
-    moves = moving_rows(dq, 100.0)[:, 0]
+    moves = moving_rows([dq], 100.0)[0][:, 0]
     assert moves[(t > 1.0) & (t < 4.8)].all()
     assert not moves[t > 5.2].any()
     # A rate as stamps from 100 s on give it.
-    np.testing.assert_array_equal(moving_rows(dq, 100.00000000000014)[:, 0], moves)
+    np.testing.assert_array_equal(moving_rows([dq], 100.00000000000014)[0][:, 0], moves)
+
+
+@settings(max_examples=100)
+@given(seed=st.integers(0, 10_000))
+def test_what_is_left_shows_each_joint_in_motion(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    counts = generator.integers(50, 200, 3)
+    recordings = np.repeat(np.arange(3), counts)
+    parts = generator.integers(0, 4, counts.sum())
+    # Each recording moves some joints.
+    moves = (generator.random((3, 4)) < 0.5)[recordings] & (generator.random((counts.sum(), 4)) < 1)
+    found = divided(parts, moves, recordings)
+    for part in np.unique(found):
+        assert (moves[found == part].sum(axis=0) <= MOST_ALONE * moves.sum(axis=0)).all()
+        assert len(set(parts[found == part])) == 1
+    order = np.argsort(-recordings, kind="stable")
+    other = divided(parts[order], moves[order], recordings[order])
+    np.testing.assert_array_equal(other, found[order])
+    assert not divided(np.zeros(len(parts), dtype=int), moves, recordings).any()
 
 
 def written_with(robot: RobotModel, decimals: int) -> RobotModel:

@@ -16,8 +16,10 @@ from dynid.identification.selection.regions import (
     LEVELS,
     SLOWEST,
     TorqueInterval,
+    divided,
     find_regions,
     leverage,
+    moving_rows,
     stretches,
 )
 from dynid.identification.selection.scoring import PRIOR_WEIGHTS, gain_of
@@ -248,14 +250,16 @@ class _LeftOut:
 
 def _cells(problem: IdentificationProblem, lengths: Sequence[int]) -> LeftOutCells:
     samples = problem.samples
-    if len(lengths) > 1:
-        ends = np.cumsum(lengths) // samples.block
-        recordings = np.searchsorted(ends, np.arange(problem.blocks), side="right")
-        parts = np.minimum(recordings, len(lengths) - 1)
-    else:
-        poses = samples.q[samples.rows][:: samples.block][: problem.blocks]
-        parts = find_regions([poses], problem.base.model.robot.prismatic).labels(poses, 0)
-    blocks_of_time = stretches(problem.blocks)
+    q, dq = (x[samples.rows][:: samples.block][: problem.blocks] for x in (samples.q, samples.dq))
+    ends = np.cumsum(lengths)[:-1] // samples.block
+    recordings = np.searchsorted(ends, np.arange(problem.blocks), side="right")
+    parts = recordings
+    if len(lengths) <= 1:
+        parts = find_regions([q], problem.base.model.robot.prismatic).labels(q, 0)
+    (moves,) = moving_rows([dq], problem.rate_hz)
+    parts, blocks_of_time = (
+        divided(some, moves, recordings) for some in (parts, stretches(problem.blocks))
+    )
     keys, cells = np.unique(np.stack([parts, blocks_of_time]), axis=1, return_inverse=True)
     blocks = gram.gram_blocks(
         ((rows, np.concatenate([c, t[None]])) for rows, c, t in problem.chunks()),

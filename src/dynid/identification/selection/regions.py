@@ -28,6 +28,8 @@ POSES = 2000
 ITERATIONS = 50
 SLOWEST = 0.02
 """A joint moves when faster than this share of the 99th percentile of its own speed."""
+MOST_ALONE = 0.8
+"""Share of a joint's motion that is left out at once, at most."""
 STANDING_S = 0.1
 """Joints that were slower for this long before and after stand still: others reverse [s]."""
 
@@ -73,18 +75,51 @@ def find_regions(positions: Sequence[Array], sliding: Sequence[bool]) -> Regions
     )
 
 
-def moving_rows(dq: Array, rate_hz: float) -> Mask:
-    """(N, n) where joints move or reverse; where they stand, friction hides the torque."""
-    speed = np.abs(dq)
+def moving_rows(velocities: Sequence[Array], rate_hz: float) -> list[Mask]:
+    """(N, n) of each recording where joints move or reverse; elsewhere friction hides the torque.
+
+    By velocities (N, n) of all: a joint that stands still in one of them shows its noise alone.
+    """
+    speeds = [np.abs(dq) for dq in velocities]
+    slowest = SLOWEST * np.maximum(np.percentile(np.concatenate(speeds), 99, axis=0), 1e-9)
     # Stamps give rates like 100.0000001.
     span = 2 * int(np.ceil(STANDING_S * rate_hz - 1e-6)) + 1
-    fastest: Array = scipy_part("ndimage").maximum_filter1d(speed, span, axis=0)
-    return np.asarray(fastest > SLOWEST * np.maximum(np.percentile(speed, 99, axis=0), 1e-9))
+    fastest = scipy_part("ndimage").maximum_filter1d
+    return [fastest(speed, span, axis=0) > slowest for speed in speeds]
 
 
 def stretches(rows: int) -> Indices:
     """(N) stretch of time of each row."""
     return np.arange(rows) * BLOCKS // max(rows, 1)
+
+
+def divided(parts: Indices, moves: Mask, recordings: Indices) -> Indices:
+    """(N) parts to leave out, halved where the rest would not show the friction of a joint.
+
+    Where recordings move one joint each, what is left of them knows nothing of the others.
+
+    Args:
+        parts: (N) which part each row is in; one alone stays whole.
+        moves: (N, n) whether joints move.
+        recordings: (N) which recording each row is of: each is halved in time, whatever their
+            order.
+    """
+    found, part, total = parts.copy(), 0, np.maximum(moves.sum(axis=0), 1)
+    while parts.any() and part <= found.max():
+        here = np.flatnonzero(found == part)
+        own = moves[here]
+        j = int(np.argmax(own.sum(axis=0) / total))
+        later = np.zeros(len(here), dtype=bool)
+        for which in np.unique(recordings[here]):
+            rows = np.flatnonzero(recordings[here] == which)
+            seen = own[rows, j].cumsum()
+            later[rows] = seen > seen[-1] / 2
+        halves = own[later, j].sum(), own[~later, j].sum()
+        if sum(halves) > MOST_ALONE * total[j] and min(halves) > 0:
+            found[here[later]] = found.max() + 1
+        else:
+            part += 1
+    return found
 
 
 def _features(q: Array, joints: tuple[int, ...], sliding: Mask, reach: Array) -> Array:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynid.core import Array, Indices, InputError, scipy_part
+from dynid.core import Array, Indices, InputError, Mask, scipy_part
 from dynid.identification.bayesian import not_negative, published_prior
 from dynid.identification.problem import IdentificationProblem, block_mean
 from dynid.identification.selection import gram, regions
@@ -208,36 +208,40 @@ class ScoreSearch:
                 found = load_inertias(self.base.model, processed, EXTRA_WIDTH, self.plain_prior)
                 self._load = (settings, found)
             inertias = self._load[1]
-        labels = [self._labels(samples, k) for k, samples in enumerate(processed)]
+        used = [samples.dq[samples.rows] for samples in processed]
+        moving = regions.moving_rows(used, processed[0].rate_hz)
+        pairs = zip(processed, moving, strict=True)
+        labels = [self._labels(samples, k, moves) for k, (samples, moves) in enumerate(pairs)]
         if late_s:
             moved = [_moved(s, late_s, settings.period_s is not None) for s in self.recordings]
             processed = [samples_from(signals, decimated) for signals in moved]
-        groups = np.concatenate(labels, axis=1)
+        groups = np.concatenate(labels, axis=2)
+        for group in groups[:-1]:
+            group[:] = regions.divided(group[0], groups[-1].T > 0, groups[-2, 0])
         if not groups[:-1].any():
             raise InputError(
                 "the arm's poses are too much alike: no part of the recordings can be left out",
                 next_step="Record a motion that moves every joint.",
             )
+        n = self.robot.joints
+        groups = groups.reshape(len(groups), -1)
         sizes = tuple((groups.max(axis=1) + 1).tolist())
         # Numbers sort faster than columns, in the same order.
         codes, cells = np.unique(np.ravel_multi_index(tuple(groups), sizes), return_inverse=True)
         keys = np.stack(np.unravel_index(codes, sizes))
         width = self.base.rank + len(columns.positive) + len(versions)
         counted = keys[-1] if self.anywhere else np.ones(keys.shape[1], dtype=np.intp)
-        n = self.robot.joints
-        starts = np.cumsum([0, *(label.shape[1] // n for label in labels)])
-        split = np.split(cells, n * starts[1:-1])
+        starts = np.cumsum([0, *(label.shape[2] for label in labels)])
         parts = (
             (slice(first + rows.start, first + rows.stop), values)
             for first, signals, samples in zip(starts, self.recordings, processed, strict=False)
             for rows, values in self._parts(signals, samples, settings, columns, versions, inertias)
         )
-        by_joint = np.concatenate([each.reshape(n, -1) for each in split], axis=1)
-        blocks = gram.gram_blocks(parts, by_joint, keys.shape[1], width)
+        blocks = gram.gram_blocks(parts, cells.reshape(n, -1), keys.shape[1], width)
         return CandidateBlocks(blocks, keys[:-1], keys[-1], counted)
 
-    def _labels(self, samples: Samples, recording: int) -> Indices:
-        """(K, n N) groups of each row in each partition, and whether its joint moves."""
+    def _labels(self, samples: Samples, recording: int, moves: Mask) -> Indices:
+        """(K, n, N) groups of rows: regions or stretches, recording, whether the joint moves."""
         used, n = samples.rows, samples.joints
         count = (used.stop - used.start) // samples.block
         if count < 4 * regions.BLOCKS:
@@ -248,13 +252,12 @@ class ScoreSearch:
                 next_step="Use --preset paper, or a longer record.",
             )
         q = samples.q[used][:: samples.block][:count]
-        moves = regions.moving_rows(samples.dq[used], samples.rate_hz)[:: samples.block][:count]
-        moving = moves.T.astype(np.intp).ravel()
-        which = np.full(n * count, recording)
-        if not self.anywhere:
-            return np.stack([np.tile(regions.stretches(count), n), which, moving])
-        fine, coarse = (np.tile(self.regions.labels(q, k), n) for k in (0, 1))
-        return np.stack([fine, coarse, which, moving])
+        moves = moves[:: samples.block][:count]
+        parts = [regions.stretches(count)]
+        if self.anywhere:
+            parts = [self.regions.labels(q, k) for k in (0, 1)]
+        each = [*parts, np.full(count, recording)]
+        return np.stack([*(np.tile(part, (n, 1)) for part in each), moves.T.astype(np.intp)])
 
     def _parts(
         self,
