@@ -54,11 +54,11 @@ from dynid.identification.selection.regions import (
     find_regions,
     moving_rows,
 )
-from dynid.identification.selection.scoring import gain_of
+from dynid.identification.selection.scoring import PRIOR_WEIGHTS, Scores, ScoreSearch, gain_of
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import RobotModel, load_robot
-from dynid.signals import process
+from dynid.signals import ProcessingSettings, process, uniform_signals
 from dynid.trajectory import random_excitation
 from dynid.workflow import IdentifySettings
 from dynid.workflow.identify import gains_nothing
@@ -188,6 +188,24 @@ def test_a_reversal_is_motion_and_a_stop_is_rest() -> None:
     assert not moves[t > 5.2].any()
     # A rate as stamps from 100 s on give it.
     np.testing.assert_array_equal(moving_rows([dq], 100.00000000000014)[0][:, 0], moves)
+
+
+def test_a_stronger_prior_may_cost_half_a_percent_a_joint(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On the same poses it costs a thousandth, surely, and other poses have nothing else."""
+
+    def scores(_: object, __: object, ___: object, weight: float) -> Scores:
+        dearer = 1 + 0.002 * PRIOR_WEIGHTS.index(weight)
+        return Scores(errors=(np.full((6, 8), dearer),), rows=(np.ones((6, 8)),))
+
+    plain = ProcessingSettings()
+    signals = uniform_signals(recording(0), ur5(), plain)
+    search = ScoreSearch(
+        ur5(), ur5().default_frames, [signals], None, presliding=False, purpose="anywhere"
+    )
+    for name in ("blocks", "weights"):
+        monkeypatch.setattr(search, name, lambda *_: None)
+    monkeypatch.setattr(search, "scores", scores)
+    assert search.prior_weights(plain, (), 1.0)[0] == PRIOR_WEIGHTS[:6]
 
 
 @settings(max_examples=100)
