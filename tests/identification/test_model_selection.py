@@ -190,12 +190,17 @@ def test_a_reversal_is_motion_and_a_stop_is_rest() -> None:
     np.testing.assert_array_equal(moving_rows([dq], 100.00000000000014)[0][:, 0], moves)
 
 
-def test_a_stronger_prior_may_cost_half_a_percent_a_joint(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On the same poses it costs a thousandth, surely, and other poses have nothing else."""
+@pytest.mark.parametrize(("scatter", "last"), [(0.0, 5), (0.007, 11)])
+def test_a_stronger_prior_may_cost_an_error_of_few_parts(
+    monkeypatch: pytest.MonkeyPatch, scatter: float, last: int
+) -> None:
+    """Or a thousandth: on the same poses it costs that, and other poses have nothing else."""
+    apart = scatter * np.array([1.0, -1.0, 1.0, -1.0])
 
     def scores(_: object, __: object, ___: object, weight: float) -> Scores:
-        dearer = 1 + 0.002 * PRIOR_WEIGHTS.index(weight)
-        return Scores(errors=(np.full((6, 8), dearer),), rows=(np.ones((6, 8)),))
+        step = PRIOR_WEIGHTS.index(weight)
+        dearer = np.ones((6, 4)) + 4e-4 * step + apart * (step > 0)
+        return Scores(errors=(dearer,), rows=(np.ones((6, 4)),))
 
     plain = ProcessingSettings()
     signals = uniform_signals(recording(0), ur5(), plain)
@@ -205,7 +210,7 @@ def test_a_stronger_prior_may_cost_half_a_percent_a_joint(monkeypatch: pytest.Mo
     for name in ("blocks", "weights"):
         monkeypatch.setattr(search, name, lambda *_: None)
     monkeypatch.setattr(search, "scores", scores)
-    assert search.prior_weights(plain, (), 1.0)[0] == PRIOR_WEIGHTS[:6]
+    assert search.prior_weights(plain, (), 1.0)[0][-1] == PRIOR_WEIGHTS[last]
 
 
 @settings(max_examples=100)
