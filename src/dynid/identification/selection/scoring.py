@@ -37,8 +37,6 @@ GAIN_OF_TERM = 0.03
 a standard error over the parts left out."""
 GAIN_OF_SHAPE = 0.01
 """So must a cut-off or a torque filter."""
-LOSS_TO_THE_PRIOR = 1e-3
-"""A stronger prior may cost this much a joint: on the same poses it costs a little, surely."""
 ONE_ERROR = 0.8413
 """Of all parts that are left out, a share that lies below one standard error."""
 LEAST_GAIN = 1e-3
@@ -374,23 +372,22 @@ class ScoreSearch:
     ) -> tuple[tuple[float, ...], Scores]:
         """Weights of the prior that score as well as the best to a standard error, and the last.
 
-        Or to `LOSS_TO_THE_PRIOR`; the error is Student's. Of all that are near, the strongest is
-        taken (Breiman, Friedman, Olshen and Stone 1984): what the recordings cannot tell, the prior
-        says. The joints are weighted with one before.
+        The error is Student's. Of all that are near, the strongest is taken (Breiman, Friedman,
+        Olshen and Stone 1984): what the recordings cannot tell, the prior says. The joints are
+        weighted with one before.
         """
         blocks = self.blocks(settings)
         weights = self.weights(blocks, choices, prior)
         scored = [self.scores(blocks, choices, weights, w) for w in PRIOR_WEIGHTS]
         best = int(np.argmin([s.value for s in scored]))
-        least = LOSS_TO_THE_PRIOR * self.robot.joints
         # An error of few parts is itself unsure.
-        parts = [each.shape[1] for each in scored[best].errors]
-        wide = scipy_part("stats").t.ppf(ONE_ERROR, np.maximum(np.array(parts) - 1, 1)).tolist()
+        freedom = [max(each.shape[1] - 1, 1) for each in scored[best].errors]
+        wide = scipy_part("special").stdtrit(freedom, ONE_ERROR).tolist()
         near = [
             k
             for k in range(best, len(scored))
             if all(
-                -gain <= max(w * error, least)
+                -gain <= w * error
                 for w, (gain, error) in zip(wide, scored[k].gains(scored[best]), strict=True)
             )
         ]
