@@ -12,7 +12,7 @@ from dynid.identification.fitting import smallest_mass_eigenvalue
 from dynid.identification.problem import base_mapping, motion_condition_number
 from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model
-from dynid.regressor import parse_terms
+from dynid.regressor import InverseDynamicModel, parse_terms
 from dynid.signals import ProcessingSettings, process, uniform_signals
 from dynid.workflow import Identification, IdentifySettings, verdict
 from dynid.workflow.identify import fit_records
@@ -38,8 +38,8 @@ def test_the_condition_number_of_a_motion_is_a_pencil_s_of_pinocchio_in_all_fram
     record, model, motion_hz = recording(0), oracle()[0], 0.6
     signals = [uniform_signals(record, ur5(), ProcessingSettings())]
     ours = [
-        motion_condition_number(ur5(), frames, signals, ProcessingSettings())
-        for frames in ("dh", "urdf")
+        motion_condition_number(reduce_model(model), signals, ProcessingSettings())
+        for model in (InverseDynamicModel(robot=ur5(), frames=f) for f in ("dh", "urdf"))
     ]
     assert ours[0] == pytest.approx(ours[1], rel=1e-6)
     samples = process(record, ur5(), ProcessingSettings(cutoff_hz=2 * motion_hz))

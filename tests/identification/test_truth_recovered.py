@@ -7,6 +7,7 @@ from known_robot import oracle, recording, ur5
 from dynid import identify
 from dynid.bench import Case, arm, motion, plant, recorded
 from dynid.identification import (
+    ILL_CONDITIONED,
     Estimate,
     IdentificationProblem,
     TowardPublished,
@@ -294,3 +295,7 @@ def test_recordings_that_each_move_other_joints_are_judged_together(seed: int) -
     measured = torque + real.torque_noise * draw.normal(size=torque.shape)
     inside = np.abs(measured - predicted.torque) <= predicted.half_width
     assert inside.mean(axis=0).min() > 0.8
+    # Published inertias tell what no recording shows; least squares do not know them.
+    assert estimate.motion_condition_number < ILL_CONDITIONED
+    free = identify(records, robot, IdentifySettings(estimator="wls")).estimate
+    assert free.motion_condition_number > 100 * ILL_CONDITIONED

@@ -271,6 +271,7 @@ class TowardPublished(least_squares.Estimator):
             fit,
             # The bodies are off by what real ones are, not by what the weight would say.
             score_covariance=pull @ pull.T,
+            prior_strength=strength,
             choices=(f"inertias toward {word} with weight {self.weight:.2g}",),
         )
 
@@ -313,6 +314,7 @@ class BayesianRegression(least_squares.Estimator):
             noise=least_squares.residual_noise(factors, values, problem),
             information=information,
             score_covariance=root.T @ root,
+            prior_strength=relative**-2,
             choices=(
                 f"prior of {100 * relative:g} % on published inertias",
                 f"likelihood tempered by {inflation:.2g} for correlated residuals",

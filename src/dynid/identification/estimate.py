@@ -78,7 +78,8 @@ class Estimate(core.Value):
     scaled_condition_number: float
     """Of W with columns of unit norm, whatever the choice of base columns."""
     motion_condition_number: float
-    """How much errors of torque can grow on other motions at its speeds; no noise counts."""
+    """How much errors of torque can grow on other motions at its speeds, by the motion and the
+    published inertias as strongly as the estimator takes them."""
     samples: int
     """N, samples that entered the fit."""
     estimator: str

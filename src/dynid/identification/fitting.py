@@ -16,6 +16,7 @@ from dynid.identification.problem import (
     SummedProblem,
     base_mapping,
     condition_number,
+    joint_factors,
     motion_condition_number,
     observation_root,
     scaled_condition_number,
@@ -24,7 +25,7 @@ from dynid.identification.selection import assessment, unseen
 from dynid.identification.selection.regions import BLOCKS, find_regions
 from dynid.identification.sums import PassPlan, RowSums, no_sums
 from dynid.reduction import reduce_model
-from dynid.signals import ProcessingSettings, Samples, uniform_signals
+from dynid.signals import ProcessingSettings, Samples, UniformSignals, uniform_signals
 
 SMALL_RANGE = {False: 0.1, True: 0.02}
 """A joint that moves less hardly shows its inertia [rad; m where it slides]."""
@@ -383,9 +384,7 @@ def judged(
         noise=fit.noise,
         condition_number=condition_number(root),
         scaled_condition_number=scaled_condition_number(root, base_mapping(base)),
-        motion_condition_number=motion_condition_number(
-            model.robot, model.frames, signals, settings
-        ),
+        motion_condition_number=_conditioning(problem, fit, signals, settings),
         samples=problem.blocks,
         settings=replace(settings, cutoff_hz=problem.samples.cutoff_hz),
         essential=statistics.essential_parameters(fit),
@@ -395,6 +394,24 @@ def judged(
         **known,
     )
     return replace(estimate, warnings=diagnose(estimate, problem.samples))
+
+
+def _conditioning(
+    problem: IdentificationProblem,
+    fit: least_squares.Fit,
+    recordings: Sequence[UniformSignals],
+    settings: ProcessingSettings,
+) -> float:
+    """`motion_condition_number` with the published inertias, as strongly as the fit takes them."""
+    model = problem.base.model
+    base = reduce_model(regressor.InverseDynamicModel(robot=model.robot, frames=model.frames))
+    prior = bayesian.published_prior(base) if fit.prior_strength else None
+    rows = None
+    if prior is not None and prior.published:
+        torque = least_squares.torque_scale(joint_factors(problem), problem)
+        noise = np.sqrt(np.mean(np.square(fit.noise / torque)))
+        rows = noise * np.sqrt(fit.prior_strength) * prior.root
+    return motion_condition_number(base, recordings, settings, rows)
 
 
 def _standard(

@@ -54,6 +54,8 @@ class Fit(core.Value):
     score_covariance: core.Array | None = None
     """(r, r) covariance of scores besides those of the residuals: the precision of a Gaussian prior
     that is part of the information, or what an estimator may be off by itself."""
+    prior_strength: float = 0.0
+    """Precision of the published inertias in the information, over that of `published_prior`."""
     choices: tuple[str, ...] = ()
     """What the estimator chose by itself, in words."""
 

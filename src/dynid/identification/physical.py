@@ -393,6 +393,7 @@ class PhysicallyConsistent(least_squares.Estimator):
                 consistent.matrix[:, list(problem.base.independent)],
                 bayesian.deviations(model.robot, model.frames),
             ),
+            prior_strength=gamma * least,
             choices=_words(consistent, solution, gamma, model.names, prior),
         )
 

@@ -7,7 +7,6 @@ import numpy as np
 
 from dynid import reduction, regressor, signals
 from dynid.core import Array, InputError, Value, upper_triangle
-from dynid.robot import RobotModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -209,23 +208,29 @@ def base_mapping(base: reduction.BaseParametrization) -> Array:
 
 
 def motion_condition_number(
-    robot: RobotModel,
-    frames: str,
+    base: reduction.BaseParametrization,
     recordings: Sequence[signals.UniformSignals],
     settings: signals.ProcessingSettings,
+    known: Array | None = None,
 ) -> float:
     """How much errors of torque can grow from the recordings to motions elsewhere.
 
-    Of all combinations of the paper's parameters, the largest ratio of its RMS torque on random
-    motions to that on the recordings: the condition number of the one relative to the other. The
-    random motions are anywhere within the position limits, their RMS speeds and accelerations are
-    the recorded ones; torques of a joint count by their recorded RMS. Units, link frames and the
-    choice of base parameters do not matter, nor do cut-off, delays and velocity source of the
-    settings; another draw of the random motions changes it by a few per cent.
-    Differentiated noise fills the columns of a poor record: the motion is smoothed down to twice
-    its own bandwidth first, which leaves a good record as it is.
+    Of all combinations of the base parameters, the largest ratio of its RMS torque on random
+    motions to that on the recordings and in what is known besides: the condition number of the one
+    relative to the other. The random motions are anywhere within the position limits, their RMS
+    speeds and accelerations are the recorded ones; torques of a joint count by their recorded RMS.
+    Units, link frames and the choice of base parameters do not matter, nor do cut-off, delays and
+    velocity source of the settings; another draw of the random motions changes it by a few per
+    cent. Differentiated noise fills the columns of a poor record: the motion is smoothed down to
+    twice its own bandwidth first, which leaves a good record as it is.
+
+    Args:
+        base: Of the paper's parameters.
+        recordings: What was recorded.
+        settings: How it is processed.
+        known: (k, r) root of a prior's precision, times the noise of torques over their RMS.
     """
-    base = reduction.reduce_model(regressor.InverseDynamicModel(robot=robot, frames=frames))
+    robot = base.model.robot
     problems: list[IdentificationProblem] = []
     for uniform in recordings:
         cutoff = max(
@@ -259,12 +264,14 @@ def motion_condition_number(
     dq, ddq = (draw.normal(size=shape) * rms for rms in (speed, acceleration))
     elsewhere = base.model.stack(q, dq, ddq)[list(base.independent)].transpose(1, 2, 0)
     count = sum(problem.blocks for problem in problems)
-    both = [
-        upper_triangle((rows / torque[:, None, None]).reshape(-1, base.rank))
+    here, there = (
+        (rows / torque[:, None, None]).reshape(-1, base.rank)
         for rows in (recorded[..., :-1], elsewhere * np.sqrt(count / ELSEWHERE))
-    ]
+    )
+    if known is not None:
+        here = np.vstack([here, known / np.sqrt(count)])
     # Of orthonormal columns, the squares of what either shows add to one.
-    stacked = np.vstack(both)
+    stacked = np.vstack([upper_triangle(here), upper_triangle(there)])
     norms = np.linalg.norm(stacked, axis=0)
     left, sizes, _ = np.linalg.svd(stacked / np.where(norms > 0, norms, 1.0), full_matrices=False)
     seen = left[: base.rank, sizes > HARDLY_THERE * sizes[0]]
