@@ -57,6 +57,14 @@ def test_noise_that_no_model_predicts_is_not_held_against_it() -> None:
     assert judged(20.0, noise_percent=1.0).prediction.answer == "limits"
 
 
+def test_intervals_that_do_not_hold_limit_a_prediction() -> None:
+    found = judged(3.0, covered=("joint_4", 0.37)).prediction
+    assert (found.answer, found.value, found.limit) == ("limits", pytest.approx(37.0), 50.0)
+    assert "joint_4" in found.reason
+    assert judged(3.0, covered=("joint_4", 0.66)).level == "usable"
+    assert judged(50.0, covered=("joint_4", 0.37)).level == "do_not_use"
+
+
 def test_the_error_with_rests_stands_beside_that_in_motion() -> None:
     """Readers who compute their own take all rows."""
     both = judged(1.44, whole_percent=1.64).headline

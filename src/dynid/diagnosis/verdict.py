@@ -18,6 +18,8 @@ USELESS_PREDICTION = 40.0
 """[%] from which it is none."""
 MATTERS = 3.0
 """[%] of error beyond noise below which a fault of the inputs has done no harm."""
+LEAST_COVERED = 0.5
+"""Share of a joint's torques below which their 90 % intervals are false."""
 SLOWER = 10.0
 """Motions so many times slower have an error of their own: friction at low speed."""
 POOR_SHARE = 0.5
@@ -102,6 +104,7 @@ def judge(
     obstacle: str = "",
     whole_percent: float | None = None,
     slow_percent: float | None = None,
+    covered: tuple[str, float] | None = None,
 ) -> Verdict:
     """Judge an identification.
 
@@ -118,6 +121,8 @@ def judge(
         whole_percent: The error on another motion with its rests.
         slow_percent: Error of the model `SLOWER` times slower, over the same torque; None where
             another motion was predicted.
+        covered: The joint of which the fewest torques of another recording lie within their 90 %
+            intervals, and their share.
     """
     errors = [f for f in findings if f.severity == "error"]
     faults = [f for f in findings if f.severity == "warning" and f.code in FAULTS]
@@ -127,6 +132,16 @@ def judge(
     errors_percent = (expected_percent, whole_percent)
     noises = (noise_percent, resolution_percent)
     prediction = _prediction(errors_percent, noises, slow_percent, confirmed, wrong, faults, poor)
+    if prediction.answer == "yes" and covered is not None and covered[1] < LEAST_COVERED:
+        joint, share = covered
+        prediction = Answer(
+            answer="limits",
+            reason=f"90 % intervals hold {100 * share:.0f} % of the torques of {joint}; "
+            f"{prediction.reason}",
+            value=100 * share,
+            unit="%",
+            limit=100 * LEAST_COVERED,
+        )
     return Verdict(
         prediction=prediction,
         parameters=_parameters([*wrong, *faults], poor, impossible, uncertain_share, pays),

@@ -349,9 +349,12 @@ def verdict(result: Identification) -> Verdict:
     judged = other if confirmed and other is not None else result.training
     slides = estimate.model.robot.prismatic
     errors = deciding_errors(judged.measured, judged.predicted, judged.moves, slides)
-    expected, whole, noise, slow = None, None, errors.noise, None
+    expected, whole, noise, slow, covered = None, None, errors.noise, None, None
     if confirmed:
         expected, whole = errors.moving, errors.whole
+        if judged.covered is not None:
+            least = int(np.argmin(judged.covered))
+            covered = estimate.model.robot.joint_names[least], float(judged.covered[least])
     elif estimate.assessment is not None:
         expected, noise = estimate.assessment.deciding_percent(slides)
         slow = estimate.assessment.model_percent(result.training.dq / SLOWER, slides)
@@ -371,4 +374,5 @@ def verdict(result: Identification) -> Verdict:
         obstacle=export.simulator_obstacle(estimate),
         whole_percent=whole,
         slow_percent=slow,
+        covered=covered,
     )
