@@ -12,7 +12,7 @@ import pytest
 from known_robot import MASSES, oracle, recording, ur5
 from scipy.optimize import minimize
 
-from dynid import identify
+from dynid import identify, random_excitation
 from dynid.core import JobError, MissingExtraError
 from dynid.identification import (
     IdentificationProblem,
@@ -35,6 +35,7 @@ from dynid.identification.physical import (
     standard_fit,
 )
 from dynid.identification.problem import joint_factors
+from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
 from dynid.robot import (
@@ -313,6 +314,25 @@ def test_the_mass_matrix_is_positive_everywhere(consistent: Identification) -> N
     model, p = consistent.estimate.model, consistent.estimate.standard_parameters()
     q = np.random.default_rng(0).uniform(-np.pi, np.pi, size=(POSES, 6))
     assert np.linalg.eigvalsh(model.mass_matrix(q, p)).min() > 0
+
+
+@pytest.mark.parametrize("seed", [17, 27])
+def test_torques_that_no_bodies_have_give_bodies_all_the_same(seed: int) -> None:
+    """The solver left its cone by its tolerance, which ended in an error of linear algebra."""
+    draw, t = np.random.default_rng(seed), np.arange(1000) / 125.0
+    series = random_excitation(ur5().limits, seed=seed, period_s=8.0, harmonics=8)
+    motion, model = series.evaluate(t), InverseDynamicModel(robot=ur5())
+    random = draw.uniform(0.1, 2.0, len(model.columns))
+    torque = model.inverse_dynamics(motion.q, motion.dq, motion.ddq, random)
+    noise = np.array([0.02, 0.025, 0.015, 0.004, 0.004, 0.003])
+    torque = torque + noise * draw.normal(size=torque.shape)
+    record = ExperimentRecord(t=t, signals={"q": motion.q, "qd": motion.dq, "effort": torque})
+    samples = process(record, ur5(), ProcessingSettings(cutoff_hz=5.0))
+    problem = IdentificationProblem(base=reduce_model(model), samples=samples)
+    found = PhysicallyConsistent().fit(problem).standard
+    assert found is not None
+    bodies = to_pseudo_inertia(found.values[:60].reshape(-1, 10))
+    assert (np.linalg.eigvalsh(bodies)[:, 0] > 0).all()
 
 
 def test_standard_parameters_survive_the_file(consistent: Identification, tmp_path: Path) -> None:

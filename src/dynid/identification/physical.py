@@ -14,7 +14,12 @@ from dynid.identification.estimate import Estimate, StandardParameters
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
 from dynid.reduction import BaseParametrization
 from dynid.regressor import InverseDynamicModel
-from dynid.robot import PSEUDO_INERTIA_BASIS, frame_map, to_pseudo_inertia
+from dynid.robot import (
+    PSEUDO_INERTIA_BASIS,
+    frame_map,
+    from_pseudo_inertia,
+    to_pseudo_inertia,
+)
 
 BOUNDED_BY = {"Fca": "Fc", "Fva": "Fv", "Fs": "Fc"}
 """Added friction that must not outweigh its term: friction opposes motion both ways."""
@@ -143,6 +148,8 @@ EXTRA = 14
 """Variables a link besides its parameters: the ten of Z and four logarithms."""
 TOLERANCE = 1e-10
 """Of gaps and residuals."""
+THINNEST = 1e-9
+"""Least size of a body along any axis of its pseudo-inertia, over that of the prior's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -206,10 +213,24 @@ def solve_conic(problem: ConsistentProblem, gamma: float) -> ConsistentSolution:
         np.array(x[: len(sizes)], dtype=np.float64) for x in (solution.z, solution.s)
     )
     return ConsistentSolution(
-        values=units @ np.array(solution.x[:width], dtype=np.float64),
+        values=_within_the_cone(problem, units @ np.array(solution.x[:width], dtype=np.float64)),
         multipliers=np.maximum(multipliers / sizes, 0.0),
         held=multipliers > slack,
     )
+
+
+def _within_the_cone(problem: ConsistentProblem, values: Array) -> Array:
+    """Parameters (p) whose bodies exist: the solver meets its cones to its tolerance alone."""
+    roots = np.linalg.cholesky(to_pseudo_inertia(problem.prior))
+    inverses = np.linalg.inv(roots)
+    turned = inverses @ problem.pseudo_inertias(values) @ inverses.transpose(0, 2, 1)
+    sizes, axes = np.linalg.eigh(turned)
+    flat = sizes[:, 0] < THINNEST
+    if flat.any():
+        axes = roots @ axes
+        bodies = (axes * np.maximum(sizes, THINNEST)[:, None]) @ axes.transpose(0, 2, 1)
+        values[: 10 * problem.links].reshape(-1, 10)[flat] = from_pseudo_inertia(bodies[flat])
+    return values
 
 
 def _units(problem: ConsistentProblem) -> Array:
