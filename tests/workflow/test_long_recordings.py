@@ -40,9 +40,15 @@ PAPER = IdentifySettings(preset="paper", cutoff_hz=5.0)
 
 
 def recording(
-    kind: str = "uniform", seconds: float = 12.0, rate: float = 500.0
+    kind: str = "uniform",
+    seconds: float = 12.0,
+    rate: float = 500.0,
+    moves: slice = slice(0, 6),
 ) -> ExperimentRecord:
-    """A UR5 that does not repeat itself, with torques of a random model and noise."""
+    """A UR5 that does not repeat itself, with torques of a random model and noise.
+
+    Some of its joints may move alone.
+    """
     random = np.random.default_rng(3)
     t = np.arange(int(seconds * rate)) / rate
     if "jitter" in kind:
@@ -51,11 +57,14 @@ def recording(
         t = t[(t < 0.4 * seconds) | (t > 0.44 * seconds)]
     series = dynid.random_excitation(UR5.limits, seed=1, period_s=seconds, harmonics=8)
     motion = series.evaluate(t)
+    moving = np.isin(np.arange(6), np.arange(6)[moves])
+    q = motion.q[0] + (motion.q - motion.q[0]) * moving
+    dq, ddq = motion.dq * moving, motion.ddq * moving
     model = InverseDynamicModel(robot=UR5)
     parameters = random.uniform(0.1, 2.0, len(model.columns))
-    torque = model.inverse_dynamics(motion.q, motion.dq, motion.ddq, parameters)
+    torque = model.inverse_dynamics(q, dq, ddq, parameters)
     noisy = torque + NOISE * random.normal(size=torque.shape)
-    return ExperimentRecord(t=t, signals={"q": motion.q, "qd": motion.dq, "effort": noisy})
+    return ExperimentRecord(t=t, signals={"q": q, "qd": dq, "effort": noisy})
 
 
 @pytest.fixture(autouse=True)
@@ -164,6 +173,17 @@ def test_several_recordings_and_a_window(tmp_path: Path, monkeypatch: pytest.Mon
     assert found.samples == held.samples
     assert found.settings.stop_s == 10.5
     assert np.linalg.norm(found.values / held.values - 1) < 1e-7
+
+
+def test_recordings_that_each_move_other_joints_are_left_out_by_halves() -> None:
+    """A whole one took the friction of its joints along."""
+    records = [recording(seconds=24.0, rate=125.0, moves=slice(k, k + 3)) for k in (0, 3)]
+    told = [
+        fit(records, UR5, PAPER).estimate.assessment
+        for fit in (identify_module.fit_records, fit_long)
+    ]
+    held, found = (np.linalg.norm(one.anywhere) for one in told if one is not None)
+    assert found == pytest.approx(held, rel=0.3)
 
 
 def test_a_disk_without_room_for_the_pass_does_not_end_it(

@@ -22,7 +22,7 @@ from dynid.identification.problem import (
     scaled_condition_number,
 )
 from dynid.identification.selection import assessment, unseen
-from dynid.identification.selection.regions import BLOCKS, find_regions
+from dynid.identification.selection.regions import BLOCKS, alone, find_regions, moving_rows
 from dynid.identification.sums import PassPlan, RowSums, no_sums
 from dynid.reduction import reduce_model
 from dynid.signals import ProcessingSettings, Samples, UniformSignals, uniform_signals
@@ -282,13 +282,14 @@ class AllRows:
         return statistics.sandwich(fit, bread, self.sums.long_run, self.sums.rows, plan.lag, floor)
 
 
-def plan_pass(part: PreparedFit, rows: int, recordings: Indices | None = None) -> AllRows:
+def plan_pass(part: PreparedFit, rows: int, recordings: Sequence[tuple[int, bool]] = ()) -> AllRows:
     """Fit a part of the rows of recordings, and plan the sums over all of them; none is added yet.
 
     Args:
         part: What all rows will be fitted with.
         rows: How many there will be a joint.
-        recordings: (N) the recording of each sample of the part, if there are several.
+        recordings: Of each recording in the part, if all are several: which of these it is of, and
+            whether it is of its later half.
     """
     samples, base = part.samples, reduce_model(part.model)
     problem = IdentificationProblem(base=base, samples=samples)
@@ -299,11 +300,12 @@ def plan_pass(part: PreparedFit, rows: int, recordings: Indices | None = None) -
         floor = statistics.ar_root(fit, problem, residual) * np.sqrt(problem.blocks)
     used = samples.rows
     every = slice(used.start, used.start + problem.blocks * samples.block, samples.block)
-    if recordings is None:
-        regions = find_regions([samples.q[every]], part.model.robot.prismatic)
-        parts = regions.labels(samples.q[every], 0)
+    regions, halved = None, tuple[int, ...]()
+    if recordings:
+        (moves,) = moving_rows([samples.dq[every]], problem.rate_hz)
+        halved = alone(_by_piece([one for one, _ in recordings], part)[every], moves)
     else:
-        regions, parts = None, recordings[every]
+        regions = find_regions([samples.q[every]], part.model.robot.prismatic)
     columns = fit.information / np.linalg.norm(fit.information, axis=0)
     plan = PassPlan(
         base=base,
@@ -311,10 +313,20 @@ def plan_pass(part: PreparedFit, rows: int, recordings: Indices | None = None) -
         weights=fit.weights,
         lag=statistics.correlation_lag(residual, problem.rate_hz, rows),
         regions=regions,
+        halved=halved,
         stretches=BLOCKS,
         factors=bool(np.linalg.cond(columns) > COARSEST),
     )
+    if regions is not None:
+        parts = regions.labels(samples.q[every], 0)
+    else:
+        parts = _by_piece([plan.left_out_with(*one) for one in recordings], part)[every]
     return AllRows(plan=plan, parts=parts, floor=floor, sums=no_sums(samples.joints, base.rank))
+
+
+def _by_piece(labels: Sequence[int], part: PreparedFit) -> Indices:
+    """(N) of each sample the label of the recording that it is of."""
+    return np.repeat(np.array(labels, dtype=np.intp), part.lengths)
 
 
 PRIOR_SPEAKS = 0.25

@@ -36,10 +36,17 @@ class PassPlan:
     """Rows over which scores are correlated."""
     regions: Regions | None
     """Regions that rows are told apart by; None where recordings are left out."""
+    halved: tuple[int, ...] = ()
+    """Recordings whose halves in time are left out instead of the whole."""
     stretches: int
     """Stretches of time that all rows are divided into."""
     factors: bool
     """Whether to factor the columns as well: products alone would be too coarse."""
+
+    def left_out_with(self, recording: int, later: bool) -> int:
+        """The part that a half of a recording is in."""
+        before = sum(other < recording for other in self.halved)
+        return recording + before + (later and recording in self.halved)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -232,13 +239,13 @@ def _add_scores(panel: Array, weighted: Array, columns: Indices, scores: Array) 
 
 def sum_rows(
     panels: PanelRows, plan: PassPlan, samples: Samples, inner: slice, first: int, total: int,
-    recording: int = 0,
+    part_left_out: int = 0,
 ) -> RowSums:  # fmt: skip
     """Sum a part of a recording, its panels by the plan.
 
     The inner samples, a multiple of their block, stand between those that the torque filter looks
-    at. Of `total` rows of all recordings, `first` come before them; `recording` says which one it
-    is, where recordings are left out.
+    at. Of `total` rows of all recordings, `first` come before them; `part_left_out` says which part
+    they are in, where recordings are left out.
     """
     n, rank, block = samples.joints, plan.base.rank, samples.block
     sums = no_sums(n, rank)
@@ -264,7 +271,7 @@ def sum_rows(
                 factors[j] = upper_triangle(np.vstack([factors[j], panel.T]))
         scores[:, here] = own_scores
         poses = samples.q[part][::block]
-        for key, chosen in _cells(plan, poses, first + here.start, total, recording):
+        for key, chosen in _cells(plan, poses, first + here.start, total, part_left_out):
             known, total_products = cells.get(key, (0, nothing))
             products = [x @ x.T for x in (panel[:, chosen] for panel in parts)]
             together = [a + b for a, b in zip(total_products, products, strict=True)]
@@ -287,13 +294,13 @@ def sum_rows(
 
 
 def _cells(
-    plan: PassPlan, poses: Array, first: int, total: int, recording: int
+    plan: PassPlan, poses: Array, first: int, total: int, part_left_out: int
 ) -> Iterator[tuple[tuple[int, int], slice | Indices]]:
     """Part left out and stretch of time, and which rows of a chunk belong there."""
     count = len(poses)
     stretch = (first + np.arange(count)) * plan.stretches // max(total, 1)
     regions = plan.regions
-    region = np.full(count, recording) if regions is None else regions.labels(poses, 0)
+    region = np.full(count, part_left_out) if regions is None else regions.labels(poses, 0)
     label = region * plan.stretches + stretch
     if (label == label[0]).all():
         yield (int(region[0]), int(stretch[0])), slice(None)

@@ -78,7 +78,7 @@ def fit_long(
     grids = [survey(recording, settings.start_s, settings.stop_s) for recording in recordings]
     require_cutoff(min(grid.rate_hz for grid in grids), settings.cutoff_hz)
     pieces, origins, stretch = _subset(recordings, grids)
-    for _, own in groupby(zip(origins, pieces, strict=True), key=lambda pair: pair[0]):
+    for _, own in groupby(zip(origins, pieces, strict=True), key=lambda pair: pair[0][0]):
         require_torques([piece for _, piece in own], robot)
     looked_at = checked_records([stretch])[0]
     processing = ProcessingSettings(cutoff_hz=settings.cutoff_hz, decimate=True)
@@ -120,11 +120,10 @@ def fit_long(
         for recording, grid in zip(recordings, grids, strict=True)
     ]
     rows = sum(_rows(signals) for signals in everything)
-    sources = None
+    halves: list[tuple[int, bool]] = []
     if len(recordings) > 1:
-        groups = [_left_out_with(k, len(recordings)) for k in origins]
-        sources = np.repeat(np.array(groups, dtype=np.intp), found.lengths)
-    planned = identification.plan_pass(found, rows, sources)
+        halves = [(_group(k, len(recordings)), later) for k, later in origins]
+    planned = identification.plan_pass(found, rows, halves)
     sums = _run_pass(
         everything,
         planned.plan,
@@ -152,11 +151,11 @@ def fit_long(
 
 def _subset(
     recordings: Sequence[AnyRecording], grids: Sequence[StreamGrid]
-) -> tuple[list[ExperimentRecord], list[int], ExperimentRecord]:
+) -> tuple[list[ExperimentRecord], list[tuple[int, bool]], ExperimentRecord]:
     """Pieces spread evenly over the windows of the recordings, where the arm moves most.
 
-    With the number of the recording that each is of, and a longer stretch about the piece in which
-    the arm moves most.
+    With the number of the recording that each is of, whether it is in its later half, and a longer
+    stretch about the piece in which the arm moves most.
     """
     counts = np.array([grid.last_row - grid.first_row for grid in grids])
     ends = np.cumsum(counts)
@@ -181,7 +180,8 @@ def _subset(
     middle = min(max((first + last) // 2, grid.first_row + half), grid.last_row - half)
     begin, end = max(middle - half, grid.first_row), min(middle + half, grid.last_row)
     pieces = [rows_of(recordings[k], a, b) for _, k, a, b in best]
-    return pieces, [k for _, k, _, _ in best], rows_of(recordings[source], begin, end)
+    origins = [(k, a + b > grids[k].first_row + grids[k].last_row) for _, k, a, b in best]
+    return pieces, origins, rows_of(recordings[source], begin, end)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -246,7 +246,8 @@ def _run_pass(
     return sums
 
 
-def _left_out_with(recording: int, recordings: int) -> int:
+def _group(recording: int, recordings: int) -> int:
+    """The recordings that one is left out with."""
     return recording * min(recordings, MOST_LEFT_OUT) // recordings
 
 
@@ -269,7 +270,9 @@ def _parts(everything: Sequence[LongSignals], plan: identification.PassPlan) -> 
                 last=last,
                 rows_before=before + (first - start) // signals.block,
                 rows=rows,
-                left_out_with=_left_out_with(recording, len(everything)),
+                left_out_with=plan.left_out_with(
+                    _group(recording, len(everything)), 2 * (first - start) >= count
+                ),
             )
         before += _rows(signals)
 
@@ -284,7 +287,8 @@ def _key(parts: Sequence[_PassPart]) -> str:
             digest.update(f"{fingerprint(part.signals.recording)} {settings}".encode())
     for values in (plan.values, plan.weights, np.array([plan.lag, len(parts), parts[0].rows])):
         digest.update(np.asarray(values, dtype=np.float64).tobytes())
-    digest.update(repr((plan.base.model.friction, plan.base.independent, plan.factors)).encode())
+    told = plan.base.model.friction, plan.base.independent, plan.factors, plan.halved
+    digest.update(repr(told).encode())
     return digest.hexdigest()
 
 

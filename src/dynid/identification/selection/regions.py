@@ -93,6 +93,16 @@ def stretches(rows: int) -> Indices:
     return np.arange(rows) * BLOCKS // max(rows, 1)
 
 
+def alone(parts: Indices, moves: Mask) -> tuple[int, ...]:
+    """Parts that hold more of the motion of a joint than may be left out at once.
+
+    Of several parts (N), with whether joints move (N, n).
+    """
+    total, found = np.maximum(moves.sum(axis=0), 1), np.unique(parts)
+    shares = [(moves[parts == part].sum(axis=0) / total).max() for part in found]
+    return tuple(int(p) for p, s in zip(found, shares, strict=True) if s > MOST_ALONE)
+
+
 def divided(parts: Indices, moves: Mask, recordings: Indices) -> Indices:
     """(N) parts to leave out, halved where the rest would not show the friction of a joint.
 
