@@ -351,14 +351,14 @@ def standard_fit(
     moved = np.linalg.norm(shift, axis=1)
     size = np.abs(values)
     size[:inertial] = np.linalg.norm(known, axis=1)
-    share = np.divide(moved, size, out=np.ones_like(size), where=size > 0)
+    share = np.divide(np.minimum(moved, size), size, out=np.ones_like(size), where=size > 0)
     bodies = np.abs(problem.constraints[solution.held][:, :inertial]) > 0
     share[:inertial][bodies.any(axis=0)] = 1.0
     return least_squares.StandardFit(
         values=values,
         gain=half @ (half.T @ (problem.matrix.T @ root)),
         pulled=shift @ np.linalg.solve(known, off),
-        prior_share=np.minimum(share, 1.0),
+        prior_share=share,
         prior=np.concatenate([problem.prior.ravel(), np.full(len(values) - inertial, np.nan)]),
     )
 
