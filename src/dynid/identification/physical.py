@@ -332,9 +332,10 @@ def standard_fit(
     turn = np.eye(len(values))
     turn[:inertial, :inertial] = bayesian.metric_moves(problem.pseudo_inertias(values))
     known = bayesian.metric_moves(to_pseudo_inertia(problem.prior))
-    slack = np.maximum(problem.constraints @ values - problem.floor, 1e-300)
+    slack = problem.constraints @ values - problem.floor
     # A bound that holds does not tell how far noise would have moved the parameter without it.
-    stiff = np.where(solution.held, 0.0, np.sqrt(solution.multipliers / slack))
+    free = (slack > 0) & ~solution.held
+    stiff = np.sqrt(np.divide(solution.multipliers, slack, out=np.zeros_like(slack), where=free))
     rows = np.vstack(
         [
             problem.matrix @ turn,
