@@ -14,7 +14,7 @@ from cli_runs import Outcome, Recordings, Run
 
 import dynid
 from dynid.cli.estimate_commands import print_identification, print_metrics
-from dynid.cli.output import console, number
+from dynid.cli.show import console, number
 from dynid.core import provenance
 from dynid.export import write_model
 

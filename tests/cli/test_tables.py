@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from dynid.cli.app import main
-from dynid.cli.output import count, fitting, print_table
+from dynid.cli.show import count, fitting, print_table
 from dynid.core import Finding
 
 ROWS = [

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import dynid
-from dynid.cli.options import Interrupted, exit_code_of, kept_in
+from dynid.cli.ask import Interrupted, exit_code_of, kept_in
 from dynid.core import InputError, JobError, RecordError, Workers
 from dynid.identification import IdentificationProblem, PanelRows, PassPlan, RowSums, sum_rows
 from dynid.identification.problem import joint_factors

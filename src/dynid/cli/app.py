@@ -8,12 +8,12 @@ from typing import Annotated
 import typer
 
 from dynid import __version__
-from dynid.cli import estimate_commands, motion_commands, options, result_commands, robot_commands
+from dynid.cli import ask, estimate_commands, motion_commands, result_commands, robot_commands
 
 SUMMARY = "Identify the dynamics of a robot arm: inertias, friction, motor inertia, uncertainty."
 
 
-_COMMANDS: Mapping[str, options.Command | Callable[[typer.Typer], None]] = {
+_COMMANDS: Mapping[str, ask.Command | Callable[[typer.Typer], None]] = {
     "robots": robot_commands.robots_command,
     "analyze": robot_commands.analyze_command,
     "fit": estimate_commands.fit_command,
@@ -47,9 +47,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         0 on success, 2 on bad usage or input, 1 when the job failed, 130 on Ctrl-C.
     """
-    options.guard_streams()
+    ask.guard_streams()
     words = list(sys.argv[1:] if arguments is None else arguments)
-    return options.exit_code_of(lambda: _run(words))
+    return ask.exit_code_of(lambda: _run(words))
 
 
 def _run(words: list[str]) -> int:
@@ -76,8 +76,8 @@ def build() -> typer.Typer:
     )
     app.callback()(_root)
     for name, item in _COMMANDS.items():
-        if isinstance(item, options.Command):
-            app.command(name, cls=options.GroupedCommand, epilog=item.epilog)(item.run)
+        if isinstance(item, ask.Command):
+            app.command(name, cls=ask.GroupedCommand, epilog=item.epilog)(item.run)
         else:
             item(app)
     return app
@@ -85,7 +85,7 @@ def build() -> typer.Typer:
 
 def _root(
     context: typer.Context,
-    version: Annotated[bool, options.flag("--version", "Print the version.")] = False,
+    version: Annotated[bool, ask.flag("--version", "Print the version.")] = False,
 ) -> None:
     if version:
         typer.echo(f"dynid {__version__}")

@@ -7,19 +7,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from dynid.cli import options as ask
-from dynid.cli import output as show
+from dynid.cli import ask, show
 from dynid.settings import IdentifySettings
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from dynid.validation import Metrics, ValidationResult
-    from dynid.workflow import Identification
+    from dynid import validation, workflow
 
 
 def print_metrics(
-    screen: Console, title: str, result: ValidationResult, prismatic: Sequence[bool]
+    screen: Console, title: str, result: validation.ValidationResult, prismatic: Sequence[bool]
 ) -> None:
     """Print the errors of a prediction, joint by joint and overall."""
     from dynid import figures, validation
@@ -46,7 +44,7 @@ def print_metrics(
         screen.print(f"90 % intervals hold {held} % of the torques of joints 1 to {len(rows)}")
 
 
-def _shares(every: Metrics, moving: Metrics) -> str:
+def _shares(every: validation.Metrics, moving: validation.Metrics) -> str:
     whole, swift = (show.number(e.relative_error_overall_percent, 3) for e in (every, moving))
     return f"{whole} % of the torque, {swift} % while moving"
 
@@ -56,13 +54,13 @@ FINDING_LINES = 12
 """Lines for findings that are printed unasked, strongest first, less one a joint."""
 
 
-def print_identification(screen: Console, result: Identification, *, everything: bool) -> None:
+def print_identification(
+    screen: Console, result: workflow.Identification, *, everything: bool
+) -> None:
     """Print the verdict, the errors and the findings; all parameters and choices if asked to."""
-    from dynid.identification import ILL_CONDITIONED
-    from dynid.validation import errors_by_kind
-    from dynid.workflow import verdict
+    from dynid import identification, validation, workflow
 
-    estimate, judged = result.estimate, verdict(result)
+    estimate, judged = result.estimate, workflow.verdict(result)
     screen.print(judged.headline, style=COLOURS[judged.level])
     screen.print()
     screen.print(
@@ -73,7 +71,7 @@ def print_identification(screen: Console, result: Identification, *, everything:
     screen.print(
         f"condition number of the motion {show.number(estimate.motion_condition_number, 3)}: "
         "errors of torque grow at most by this factor on other motions at its speeds (good: "
-        f"below {ILL_CONDITIONED:.0f})"
+        f"below {identification.ILL_CONDITIONED:.0f})"
     )
     if result.accuracy is not None:
         screen.print(result.accuracy.describe())
@@ -86,7 +84,8 @@ def print_identification(screen: Console, result: Identification, *, everything:
         print_metrics(screen, "Training", result.training, slides)
     else:
         own = result.training
-        for kind, parts in errors_by_kind(own.measured, own.predicted, own.moves, slides).items():
+        known = own.measured, own.predicted, own.moves
+        for kind, parts in validation.errors_by_kind(*known, slides).items():
             whose = "" if kind == "all" else f", {kind} joints"
             screen.print(f"its own recording{whose}: {_shares(*parts)}")
     if result.validation is not None:
@@ -107,7 +106,7 @@ def print_identification(screen: Console, result: Identification, *, everything:
         screen.print(f"--all also prints parameters, deviations, choices{rest}")
 
 
-def _print_parameters(screen: Console, result: Identification) -> None:
+def _print_parameters(screen: Console, result: workflow.Identification) -> None:
     """Base parameters, and consistent standard ones where the estimator finds them."""
     columns = {"combination": None, "value": 4, "std": 2, "std %": 3, "unit": None, "": None}
     keys = ("expression", "value", "std", "relative_std_percent", "unit")
@@ -248,9 +247,8 @@ def identify_command(
         )
     if json:
         written = None if output is None else str(output)
-        show.print_json(
-            {**result.to_json(), "verdict": verdict(result).to_json(), "estimate": written}
-        )
+        judged = verdict(result).to_json()
+        show.print_json({**result.to_json(), "verdict": judged, "estimate": written})
     else:
         screen = show.console()
         print_identification(screen, result, everything=everything)
@@ -307,10 +305,8 @@ def validate_command(
         result.measured, result.predicted, result.moves, slides
     ).items():
         whole, moving = (f"{show.number(e.relative_error_overall_percent, 3)} %" for e in parts)
-        told.append(
-            (" to " if kind == "all" else f", {kind} joints to ")
-            + diagnosis.with_rests(moving, whole)
-        )
+        before = " to " if kind == "all" else f", {kind} joints to "
+        told.append(before + diagnosis.with_rests(moving, whole))
     screen.print(f"Predicts the torque of this recording{''.join(told)}", style="bold")
     print_metrics(screen, "Prediction", result, slides)
     if result.transfer is not None:

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dynid.cli import options as ask
-from dynid.cli import output as show
+from dynid.cli import ask, show
 from dynid.core import InputError, MissingExtraError
 from dynid.settings import DesignSettings, ImportOptions, LimitSettings, RunSettings
 
@@ -275,11 +274,8 @@ def run_command(
         show.print_json(result.to_json())
     elif result.abort is None:
         outcome = result.result.outcome
-        parts = zip(
-            (outcome.samples, outcome.periods, outcome.gaps),
-            ("sample", "whole period", "gap"),
-            strict=True,
-        )
+        counts = (outcome.samples, outcome.periods, outcome.gaps)
+        parts = zip(counts, ("sample", "whole period", "gap"), strict=True)
         show.console().print(", ".join(show.count(many, noun) for many, noun in parts))
         show.console().print(f"Recording: {result.record}", soft_wrap=True)
     result.raise_if_aborted()
@@ -294,9 +290,7 @@ def _ask(what: str, word: str) -> None:
     from dynid.experiment import interruptible
 
     if not sys.stdin.isatty():
-        raise InputError(
-            "the motion needs confirmation, and there is no terminal", next_step="Pass --yes."
-        )
+        raise InputError("no terminal to confirm the motion on", next_step="Pass --yes.")
     show.console(stderr=True).print(what)
     with interruptible():
         typed = typer.prompt(f"Type {word} to move the robot", default="", err=True)

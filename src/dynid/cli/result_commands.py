@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dynid.cli import options as ask
-from dynid.cli import output as show
-from dynid.core import InputError, require, silent
+from dynid import core
+from dynid.cli import ask, show
 from dynid.settings import FleetSettings
 
 if TYPE_CHECKING:
@@ -102,19 +101,18 @@ def report_command(
     json: ask.JsonFlag = False,
 ) -> None:
     """One self-contained page, with the verdict first."""
-    from dynid.report import write_figures
-    from dynid.workflow import report
+    from dynid import report, workflow
 
     show.check_output(output, suffix=".html", force=force)
     if png:
         if figures is None:
-            raise InputError(
-                "the figures need a folder", where="--png", next_step="--figures FOLDER"
-            )
-        require("resvg_py", "figures")
+            raise core.InputError("PNG needs a folder", where="--png", next_step="--figures FOLDER")
+        core.require("resvg_py", "figures")
     with show.progress_bar("report") as progress:
-        path, contents = report(directory, output, progress=progress)
-        drawn = () if figures is None else write_figures(contents, figures, png=png, force=force)
+        path, contents = workflow.report(directory, output, progress=progress)
+        drawn = ()
+        if figures is not None:
+            drawn = report.write_figures(contents, figures, png=png, force=force)
     if json:
         show.print_json(
             {
@@ -245,18 +243,18 @@ def _estimators(
     json: ask.JsonFlag = False,
 ) -> None:
     """Every estimator, by noise and seed: BIRDy's metrics."""
-    from dynid.bench import compare_estimators, summary, to_json
-    from dynid.core import workers
-    from dynid.identification import ESTIMATORS
+    from dynid import bench, identification
 
-    words = ESTIMATORS if only is None else tuple(word.strip() for word in only.split(","))
-    with show.progress_bar("bench") as progress, workers(jobs, dask) as beside:
-        trials = compare_estimators(words, range(seeds), beside=beside, progress=progress)
+    words = identification.ESTIMATORS
+    if only is not None:
+        words = tuple(word.strip() for word in only.split(","))
+    with show.progress_bar("bench") as progress, core.workers(jobs, dask) as beside:
+        trials = bench.compare_estimators(words, range(seeds), beside=beside, progress=progress)
     if json:
-        show.print_json(to_json(trials))
+        show.print_json(bench.to_json(trials))
         return
     keys = ("scenario", "estimator", "d_beta", "d_tau_percent", "d_q_percent", "seconds")
-    rows = sorted(summary(trials), key=lambda row: row["scenario"])
+    rows = sorted(bench.summary(trials), key=lambda row: row["scenario"])
     show.print_table(
         show.console(),
         f"Means over {show.count(seeds, 'seed')} (d_beta: 0 to 2; errors on another motion)",
@@ -276,32 +274,30 @@ def _verdicts(
     json: ask.JsonFlag = False,
 ) -> None:
     """False alarms, and input faults that are identified."""
-    from dynid.bench import Judged, Recorded, cases, markdown, rates, run_verdicts, summarise
-    from dynid.workflow import IdentifySettings, identify, verdict
+    from dynid import bench, workflow
 
-    settings = IdentifySettings(preset=preset)
+    settings = workflow.IdentifySettings(preset=preset)
 
-    def judge(made: Recorded) -> Judged:
-        result = identify(made.record, made.robot, settings, validation=made.validation)
+    def judge(made: bench.Recorded) -> bench.Judged:
+        result = workflow.identify(made.record, made.robot, settings, validation=made.validation)
         shown = result.validation
-        return Judged(
+        return bench.Judged(
             findings=result.warnings,
-            level=verdict(result).level,
+            level=workflow.verdict(result).level,
             t=() if shown is None else shown.t,
             predicted=() if shown is None else shown.predicted,
         )
 
     with show.progress_bar("bench") as progress:
-        chosen = cases(seed, clean, each, random_arms)
-        rows = run_verdicts(judge, chosen, progress=progress or silent)
-    told = summarise(rows)
+        chosen = bench.cases(seed, clean, each, random_arms)
+        rows = bench.run_verdicts(judge, chosen, progress=progress or core.silent)
+    told = bench.summarise(rows)
     if json:
         asked = {"seed": seed, "preset": preset, "random_arms": random_arms}
-        show.print_json(told | {"right_cause_percent": rates(told)} | asked)
+        show.print_json(told | {"right_cause_percent": bench.rates(told)} | asked)
         return
-    show.console().print(
-        markdown(told, f"Seed {seed}, preset {preset}"), soft_wrap=True, markup=False
-    )
+    page = bench.markdown(told, f"Seed {seed}, preset {preset}")
+    show.console().print(page, soft_wrap=True, markup=False)
 
 
 def register_bench(app: typer.Typer) -> None:

@@ -5,15 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from dynid.cli import options as ask
-from dynid.cli import output as show
+from dynid.cli import ask, show
 from dynid.settings import SceneSettings
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from dynid.validation import ParameterComparison
-    from dynid.workflow import Analysis
+    from dynid import validation, workflow
 
 
 @ask.command("dynid robots", "dynid robots --json")
@@ -82,7 +80,7 @@ MOST_CHANGES, MOST_LETTERS = 15, 28
 """Changes of `dynid compare` that are printed unasked, and letters of a combination there."""
 
 
-def _show(result: Analysis, everything: bool) -> None:
+def _show(result: workflow.Analysis, everything: bool) -> None:
     data, screen = result.to_json(), show.console()
     screen.print(
         f"{data['robot']}: {data['standard_parameters']} standard parameters, "
@@ -140,10 +138,8 @@ def gains_command(
         show.print_json(data)
         return
     screen = show.console()
-    rows = [
-        (row["joint"], row["gain"], row["std"], known, row["r2"])
-        for row, known in zip(data["gains"], model.drives.gain, strict=True)
-    ]
+    pairs = zip(data["gains"], model.drives.gain, strict=True)
+    rows = [(row["joint"], row["gain"], row["std"], known, row["r2"]) for row, known in pairs]
     columns = {"joint": None, "gain": 4, "std": 4, "robot's": 4, "r2": 6}
     unit = figures.joint_unit("N.m/A", model.prismatic)
     show.print_table(screen, f"Drive gains [{unit}]", columns, rows)
@@ -186,14 +182,10 @@ def payload_command(
         show.print_findings(screen, "Findings", found.warnings)
         return
     screen.print(f"Payload: {found.mass:.4g} kg ± {half:.2g} kg (95 %)", style="bold")
-    rows = [
-        (f"centre {axis}", "m", place, width * std)
-        for axis, place, std in zip("xyz", found.centre, found.centre_std, strict=True)
-    ]
-    rows += [
-        (row["name"], row["unit"], row["value"], width * row["std"])
-        for row in data["parameters"][4:]
-    ]
+    axes = zip("xyz", found.centre, found.centre_std, strict=True)
+    rows = [(f"centre {axis}", "m", place, width * std) for axis, place, std in axes]
+    tensor = data["parameters"][4:]
+    rows += [(row["name"], row["unit"], row["value"], width * row["std"]) for row in tensor]
     columns = {"quantity": None, "unit": None, "value": 4, "± (95 %)": 4}
     show.print_table(screen, "In the flange frame, tensor about its origin", columns, rows)
     show.print_findings(screen, "Findings", found.warnings)
@@ -222,9 +214,8 @@ def gravity_command(
     if output is not None:
         show.check_output(output, inputs=[record], suffix=".json", force=force)
     (opened,), model = workflow.open_records([record], robot, ask.drive_gains(gains))
-    found = identification.identify_gravity(
-        opened, model if mount is None else with_mount(model, mount)
-    )
+    mounted = model if mount is None else with_mount(model, mount)
+    found = identification.identify_gravity(opened, mounted)
     findings = (*found.warnings, *validation.record_findings(model, opened))
     data: dict[str, Any] = found.to_json() | core.told(findings)
     if output is not None:
@@ -234,10 +225,8 @@ def gravity_command(
         return
     screen = show.console()
     unit = figures.joint_unit("N.m", model.prismatic)
-    screen.print(
-        f"{model.name}: {len(found.values)} gravity parameters from {found.poses} poses at rest",
-        style="bold",
-    )
+    said = f"{len(found.values)} gravity parameters from {found.poses} poses at rest"
+    screen.print(f"{model.name}: {said}", style="bold")
     given = found.published
     prior = "plausible bodies" if given is None else "published inertias"
     rows = [
@@ -289,7 +278,9 @@ def compare_command(
         _print_comparison(show.console(), comparison, everything)
 
 
-def _print_comparison(screen: Console, comparison: ParameterComparison, everything: bool) -> None:
+def _print_comparison(
+    screen: Console, comparison: validation.ParameterComparison, everything: bool
+) -> None:
     called = [_shortened(text, MOST_LETTERS) for text in comparison.expressions]
     groups = [
         (

@@ -1,6 +1,6 @@
 """How a setting is asked for on the command line and checked: each is declared once, as a field.
 
-Python sets the fields; the command line makes options of them (`dynid.cli.options`), and both are
+Python sets the fields; the command line makes options of them (`dynid.cli.ask`), and both are
 checked here. A field without an option is for Python alone. Help pages are made of these fields:
 nothing heavy is loaded.
 """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 import os
@@ -13,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dynid.core import Finding, InputError, require_absent
+from dynid import core
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -28,9 +27,7 @@ LONGEST_WORD = 20
 
 def print_json(data: Mapping[str, Any]) -> None:
     """Print one JSON object; numbers that are not finite become null."""
-    from dynid.core import plain
-
-    print(json.dumps(plain(data), allow_nan=False))
+    print(json.dumps(core.plain(data), allow_nan=False))
 
 
 def console(*, stderr: bool = False) -> Console:
@@ -38,13 +35,8 @@ def console(*, stderr: bool = False) -> Console:
     from rich.console import Console
 
     stream = sys.stderr if stderr else sys.stdout
-    return Console(
-        file=stream,
-        markup=False,
-        highlight=False,
-        emoji=False,
-        width=None if stream.isatty() else WIDTH,
-    )
+    width = None if stream.isatty() else WIDTH
+    return Console(file=stream, markup=False, highlight=False, emoji=False, width=width)
 
 
 def print_table(
@@ -62,9 +54,8 @@ def print_table(
         table.add_column(name, justify=justify, overflow="fold", no_wrap=digits is not None)
     for row in rows:
         cells = zip(row, columns.values(), strict=True)
-        table.add_row(
-            *(str(x) if n is None or isinstance(x, str) else number(x, n) for x, n in cells)
-        )
+        texts = (str(x) if n is None or isinstance(x, str) else number(x, n) for x, n in cells)
+        table.add_row(*texts)
     screen.print()
     screen.print(title, style="bold")
     # Cells that do not fit are cut by rich, digits first: rather a line that the terminal wraps.
@@ -78,16 +69,14 @@ def _least_width(column: Column, screen: Console) -> int:
     """What a column needs: its longest number, or its longest word up to `LONGEST_WORD`."""
     from rich.measure import Measurement
 
-    cells = [
-        Measurement.get(screen, screen.options, screen.render_str(str(cell)))
-        for cell in (column.header, *column.cells)
-    ]
+    texts = (screen.render_str(str(cell)) for cell in (column.header, *column.cells))
+    cells = [Measurement.get(screen, screen.options, text) for text in texts]
     if column.no_wrap:
         return max(cell.maximum for cell in cells)
     return min(max(cell.minimum for cell in cells), LONGEST_WORD)
 
 
-def print_findings(screen: Console, title: str, findings: Sequence[Finding]) -> None:
+def print_findings(screen: Console, title: str, findings: Sequence[core.Finding]) -> None:
     """Print findings in words, each with its code; nothing where there are none."""
     if not findings:
         return
@@ -97,17 +86,17 @@ def print_findings(screen: Console, title: str, findings: Sequence[Finding]) -> 
         screen.print(_line(finding))
 
 
-def _line(finding: Finding) -> str:
+def _line(finding: core.Finding) -> str:
     return f"- {finding.code}: {finding.message}."
 
 
-def fitting(screen: Console, findings: Sequence[Finding], lines: int) -> int:
+def fitting(screen: Console, findings: Sequence[core.Finding], lines: int) -> int:
     """How many of the first findings fit into so many lines; at least one."""
     from rich.text import Text
 
     taken = [len(Text(_line(told)).wrap(screen, screen.width)) for told in findings]
-    ends = itertools.accumulate(taken)
-    return max(sum(end <= lines for end in ends), min(len(findings), 1))
+    fits = sum(sum(taken[: k + 1]) <= lines for k in range(len(taken)))
+    return max(fits, min(len(findings), 1))
 
 
 def number(value: float | None, digits: int = 4) -> str:
@@ -159,18 +148,18 @@ def check_output(
         (str(path) == "-" or (there and not os.path.isfile(path)), kept, None),
     ):
         if wrong:
-            raise InputError(f"the output {what}", where=where, value=str(path), limit=limit)
-    require_absent(path, force=force)
+            raise core.InputError(f"the output {what}", where=where, value=str(path), limit=limit)
+    core.require_absent(path, force=force)
     if not os.path.isdir(folder):
         said, step = "the output's directory does not exist", f"Run: mkdir -p {shlex.quote(folder)}"
-        raise InputError(said, where=where, value=folder, next_step=step)
+        raise core.InputError(said, where=where, value=folder, next_step=step)
     try:
         # Permissions alone do not tell, least of all to root.
         with tempfile.TemporaryFile(dir=folder):
             return
     except OSError as error:
         said = "the output's directory cannot be written to"
-        raise InputError(said, where=where, value=folder) from error
+        raise core.InputError(said, where=where, value=folder) from error
 
 
 class ProgressBar:

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
 import typer.core
 
 from dynid import core, settings
@@ -109,9 +108,7 @@ class GroupedCommand(typer.core.TyperCommand):
         shown = [(p, p.get_help_record(ctx)) for p in self.get_params(ctx)]
         options = [p for p, record in shown if record and p.param_type_name == "option"]
         titles = {name: title for title, names in GROUPS.items() for name in names}
-        sections: dict[str, list[tuple[str, str]]] = {
-            title: [] for title in ("Arguments", "Options", *GROUPS)
-        }
+        sections = {title: list[tuple[str, str]]() for title in ("Arguments", "Options", *GROUPS)}
         for parameter, record in shown:
             if record is None:
                 continue
@@ -266,10 +263,8 @@ def guard_streams() -> None:
         stream = getattr(sys, name) or open(os.devnull, "w")  # noqa: SIM115
         setattr(sys, name, stream)
         if isinstance(stream, io.TextIOWrapper) and (stream is sys.__stderr__ or stream.isatty()):
-            raw = _Unread(stream.fileno(), "w", closefd=False)
-            stream = io.TextIOWrapper(
-                io.BufferedWriter(raw), encoding=stream.encoding, line_buffering=True
-            )
+            raw = io.BufferedWriter(_Unread(stream.fileno(), "w", closefd=False))
+            stream = io.TextIOWrapper(raw, encoding=stream.encoding, line_buffering=True)
             setattr(sys, name, stream)
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
