@@ -7,12 +7,11 @@ from scipy.signal import lfilter
 
 from dynid.core import InputError, JobError
 from dynid.identification import (
-    HuberRegression,
     IdentificationProblem,
-    OrdinaryLeastSquares,
     WeightedLeastSquares,
     autocorrelation,
     essential_parameters,
+    estimator_of,
     hac_covariance,
     long_run_covariance,
     naive_covariance,
@@ -50,7 +49,7 @@ def dense(problem: IdentificationProblem) -> tuple[np.ndarray, np.ndarray]:
 def test_ols_is_numpys_least_squares(problem: IdentificationProblem) -> None:
     w, y = dense(problem)
     reference = np.linalg.lstsq(w, y, rcond=None)[0]
-    fit = OrdinaryLeastSquares().fit(problem)
+    fit = estimator_of("ols").fit(problem)
     deviation = np.sqrt(np.diag(naive_covariance(fit)))
     assert (np.abs(fit.values - reference) / deviation).max() < SOLVER
     residual = y - w @ reference
@@ -80,7 +79,7 @@ def test_joints_of_one_group_share_one_weight(problem: IdentificationProblem) ->
 
 def test_one_group_is_ordinary_least_squares(problem: IdentificationProblem) -> None:
     grouped = WeightedLeastSquares(groups=(0,) * 6).fit(problem)
-    plain = OrdinaryLeastSquares().fit(problem)
+    plain = estimator_of("ols").fit(problem)
     deviation = np.sqrt(np.diag(naive_covariance(plain)))
     assert (np.abs(grouped.values - plain.values) / deviation).max() < SOLVER
 
@@ -99,7 +98,7 @@ def test_huber_withstands_collisions_that_break_least_squares() -> None:
     def distance(values: np.ndarray) -> float:
         return float(np.median(np.abs(values - reference.values) / deviation))
 
-    huber = HuberRegression().fit(hurt)
+    huber = estimator_of("irls").fit(hurt)
     assert distance(huber.values) < 0.35 * distance(WeightedLeastSquares().fit(hurt).values)
     assert huber.row_weights is not None
     assert huber.row_weights.min() < 0.2
@@ -110,7 +109,7 @@ def test_blocks_average_columns_and_torques_alike(problem: IdentificationProblem
 
     thin = replace(problem, samples=replace(problem.samples, block=3))
     assert thin.blocks == problem.samples.count // 3
-    fine, coarse = OrdinaryLeastSquares().fit(problem), OrdinaryLeastSquares().fit(thin)
+    fine, coarse = estimator_of("ols").fit(problem), estimator_of("ols").fit(thin)
     deviation = np.sqrt(np.diag(hac_covariance(fine, problem)))
     assert np.abs((coarse.values - fine.values) / deviation).max() < 1.0
     values = np.arange(12.0).reshape(2, 6)
@@ -147,7 +146,7 @@ def test_honest_deviations_are_never_below_naive_ones(problem: IdentificationPro
 
 
 def test_the_covariance_is_positive(problem: IdentificationProblem) -> None:
-    covariance = hac_covariance(OrdinaryLeastSquares().fit(problem), problem)
+    covariance = hac_covariance(estimator_of("ols").fit(problem), problem)
     assert np.linalg.eigvalsh(covariance).min() > -1e-12 * np.trace(covariance)
 
 
@@ -173,7 +172,7 @@ def test_a_motionless_record_is_a_failed_job() -> None:
     t = np.arange(400) / 125
     still = ExperimentRecord(t=t, signals={"q": np.zeros((400, 6)), "effort": np.ones((400, 6))})
     with pytest.raises(JobError, match="no effect on any torque"):
-        OrdinaryLeastSquares().fit(problem_of(process(still, ur5())))
+        estimator_of("ols").fit(problem_of(process(still, ur5())))
 
 
 def test_repetitions_that_are_copies_have_no_infinite_weights() -> None:

@@ -12,9 +12,8 @@ from scipy.signal import lfilter
 from dynid import identify
 from dynid.core import Array
 from dynid.identification import (
-    HuberRegression,
     IdentificationProblem,
-    OrdinaryLeastSquares,
+    estimator_of,
     hac_covariance,
 )
 from dynid.reduction import reduce_model
@@ -50,7 +49,7 @@ def test_intervals_cover_whatever_the_colour_of_the_noise(correlation: float, wh
     for seed in SEEDS:
         noise = _noise(seed, samples.count, correlation, white)
         problem = IdentificationProblem(base=base, samples=replace(samples, tau=noise))
-        fit = OrdinaryLeastSquares().fit(problem)
+        fit = estimator_of("ols").fit(problem)
         std = np.sqrt(np.diag(hac_covariance(fit, problem)))
         # The truth is zero: what is left is noise alone.
         hits.append(np.abs(fit.values) < 1.96 * std)
@@ -64,7 +63,7 @@ def test_deviations_of_robust_fits_allow_for_correlated_noise() -> None:
     for seed in SEEDS[:4]:
         noise = _noise(seed, samples.count, 0.93, 0.0)
         problem = IdentificationProblem(base=base, samples=replace(samples, tau=noise))
-        fit = HuberRegression().fit(problem)
+        fit = estimator_of("irls").fit(problem)
         scores.append(fit.values / np.sqrt(np.diag(hac_covariance(fit, problem))))
     assert 0.8 < np.sqrt(np.mean(np.square(scores))) < 1.25
 

@@ -11,17 +11,11 @@ from known_robot import NOISE, oracle, recording, torques, ur5
 from dynid import identify
 from dynid.identification import (
     ESTIMATORS,
-    BayesianRegression,
     ClosedLoop,
     IdentificationProblem,
-    InstrumentalVariables,
     Likelihood,
-    MaximumLikelihood,
-    OrdinaryLeastSquares,
-    OutputError,
-    RecursiveLeastSquares,
-    TotalLeastSquares,
     WeightedLeastSquares,
+    estimator_of,
     hac_covariance,
     inertial_prior,
     motion_covariance,
@@ -91,7 +85,7 @@ def test_total_least_squares_is_the_nearest_consistent_system() -> None:
 
 
 def test_total_least_squares_on_a_robot(problem: IdentificationProblem) -> None:
-    fit = TotalLeastSquares().fit(problem)
+    fit = estimator_of("tls").fit(problem)
     a, b = dense(problem, fit.weights)
     np.testing.assert_allclose(
         fit.values,
@@ -105,14 +99,14 @@ def test_total_least_squares_is_no_further_off_than_it_says(truth: np.ndarray) -
     held = []
     for seed in range(3):
         problem = problem_of(seed, noise=2.0)
-        fit = TotalLeastSquares().fit(problem)
+        fit = estimator_of("tls").fit(problem)
         deviation = np.sqrt(np.diag(hac_covariance(fit, problem)))
         held.append(np.abs(fit.values - truth) < 1.96 * deviation)
     assert np.mean(held) > 0.92
 
 
 def test_recursive_equals_batch(problem: IdentificationProblem) -> None:
-    fit = RecursiveLeastSquares().fit(problem)
+    fit = estimator_of("rls").fit(problem)
     a, b = dense(problem, fit.weights)
     reference = np.linalg.lstsq(a, b, rcond=None)[0]
     deviation = np.sqrt(np.diag(naive_covariance(fit)))
@@ -186,7 +180,7 @@ def test_a_bayesian_fit_is_honest(truth: np.ndarray) -> None:
         assert all(is_physical(row) for row in cad)
         told = reduce_model(InverseDynamicModel(robot=replace(ur5(), inertias=in_links(cad))))
         problem = replace(problem_of(seed, noise=2.0, correlation=0.8), base=told)
-        fit = BayesianRegression().fit(problem)
+        fit = estimator_of("bayes").fit(problem)
         deviation = np.sqrt(np.diag(hac_covariance(fit, problem)))
         found.append((fit.values - truth) / deviation)
     share = np.mean(np.abs(found) < 1.96)
@@ -199,7 +193,7 @@ def test_plausible_bodies_do_not_hold_heavy_ones_back(truth: np.ndarray, heavier
     base, problem = reduce_model(InverseDynamicModel(robot=unknown)), problem_of(1)
     samples = replace(problem.samples, tau=heavier * problem.samples.tau)
     problem = replace(problem, base=base, samples=samples)
-    fit = BayesianRegression().fit(problem)
+    fit = estimator_of("bayes").fit(problem)
     deviation = np.sqrt(np.diag(hac_covariance(fit, problem)))
     assert np.mean(np.abs(fit.values - heavier * truth) < 1.96 * deviation) > 0.85
 
@@ -230,7 +224,7 @@ def test_instruments_solve_their_equations(problem: IdentificationProblem) -> No
 
 def test_own_columns_as_instruments_are_least_squares(problem: IdentificationProblem) -> None:
     values, _ = solve_instrumental(problem, problem, np.ones(6))
-    plain = OrdinaryLeastSquares().fit(problem)
+    plain = estimator_of("ols").fit(problem)
     deviation = np.sqrt(np.diag(naive_covariance(plain)))
     assert (np.abs(values - plain.values) / deviation).max() < REFERENCE
 
@@ -285,7 +279,7 @@ def test_noise_in_the_motion_does_not_bias_iv_and_didim(truth: np.ndarray) -> No
     problems = [problem_of(seed, 50.0, position_noise=1e-4) for seed in range(2)]
     by_ols, by_iv, by_didim = (
         bias(problems, [estimator.fit(p).values for p in problems], truth)
-        for estimator in (OrdinaryLeastSquares(), InstrumentalVariables(), OutputError())
+        for estimator in (estimator_of("ols"), estimator_of("iv"), estimator_of("didim"))
     )
     assert by_iv <= by_ols / 3
     assert by_didim <= by_ols / 3
@@ -319,7 +313,7 @@ def test_without_noise_in_the_motion_likelihood_is_weighted_least_squares() -> N
     # A filter so low leaves no room above the motion to see its noise in.
     problem = problem_of(cutoff=6.0)
     assert not motion_noise(problem.samples).any()
-    fit = MaximumLikelihood().fit(problem)
+    fit = estimator_of("ml").fit(problem)
     start = WeightedLeastSquares().fit(problem)
     a, b = dense(problem, 1 / start.noise)
     reference = np.linalg.lstsq(a, b, rcond=None)[0]
@@ -331,7 +325,7 @@ def test_likelihood_beats_least_squares_on_noisy_motions(truth: np.ndarray) -> N
     problems = [problem_of(seed, 50.0, 20.0, position_noise=2e-5) for seed in range(2)]
     by_ols, by_ml = (
         bias(problems, [estimator.fit(p).values for p in problems], truth)
-        for estimator in (OrdinaryLeastSquares(), MaximumLikelihood())
+        for estimator in (estimator_of("ols"), estimator_of("ml"))
     )
     assert by_ml < 0.8 * by_ols
 
@@ -339,7 +333,7 @@ def test_likelihood_beats_least_squares_on_noisy_motions(truth: np.ndarray) -> N
 def likelihood_scores(samples: Samples, truth: np.ndarray) -> np.ndarray:
     base = reduce_model(InverseDynamicModel(robot=ur5()))
     problem = IdentificationProblem(base=base, samples=samples)
-    fit = MaximumLikelihood().fit(problem)
+    fit = estimator_of("ml").fit(problem)
     return (fit.values - truth) / np.sqrt(np.diag(hac_covariance(fit, problem)))
 
 

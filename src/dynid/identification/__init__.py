@@ -3,7 +3,6 @@
 from dynid.identification.bayesian import CENTRE_SPREAD_M as CENTRE_SPREAD_M
 from dynid.identification.bayesian import MASS_SPREAD as MASS_SPREAD
 from dynid.identification.bayesian import TENSOR_SPREAD as TENSOR_SPREAD
-from dynid.identification.bayesian import BayesianRegression as BayesianRegression
 from dynid.identification.bayesian import TowardPublished as TowardPublished
 from dynid.identification.bayesian import deviations as deviations
 from dynid.identification.bayesian import inertial_prior as inertial_prior
@@ -17,11 +16,9 @@ from dynid.identification.drive_gains import gains_from_payload as gains_from_pa
 from dynid.identification.estimate import FORMAT as FORMAT
 from dynid.identification.estimate import Estimate as Estimate
 from dynid.identification.estimate import StandardParameters as StandardParameters
-from dynid.identification.estimate import estimate_to_json as estimate_to_json
 from dynid.identification.estimate import read_estimate as read_estimate
 from dynid.identification.estimate import write_estimate as write_estimate
 from dynid.identification.fitting import ESTIMATORS as ESTIMATORS
-from dynid.identification.fitting import AllRows as AllRows
 from dynid.identification.fitting import EstimateSource as EstimateSource
 from dynid.identification.fitting import PreparedFit as PreparedFit
 from dynid.identification.fitting import estimator_of as estimator_of
@@ -36,10 +33,7 @@ from dynid.identification.gravity import GravityEstimate as GravityEstimate
 from dynid.identification.gravity import gravity_of as gravity_of
 from dynid.identification.gravity import identify_gravity as identify_gravity
 from dynid.identification.instrumental import ClosedLoop as ClosedLoop
-from dynid.identification.instrumental import InstrumentalVariables as InstrumentalVariables
 from dynid.identification.instrumental import Likelihood as Likelihood
-from dynid.identification.instrumental import MaximumLikelihood as MaximumLikelihood
-from dynid.identification.instrumental import OutputError as OutputError
 from dynid.identification.instrumental import motion_covariance as motion_covariance
 from dynid.identification.instrumental import motion_noise as motion_noise
 from dynid.identification.instrumental import smooth_motion as smooth_motion
@@ -47,10 +41,6 @@ from dynid.identification.instrumental import solve_instrumental as solve_instru
 from dynid.identification.least_squares import PRIOR_GAIN as PRIOR_GAIN
 from dynid.identification.least_squares import Estimator as Estimator
 from dynid.identification.least_squares import Fit as Fit
-from dynid.identification.least_squares import HuberRegression as HuberRegression
-from dynid.identification.least_squares import OrdinaryLeastSquares as OrdinaryLeastSquares
-from dynid.identification.least_squares import RecursiveLeastSquares as RecursiveLeastSquares
-from dynid.identification.least_squares import TotalLeastSquares as TotalLeastSquares
 from dynid.identification.least_squares import WeightedLeastSquares as WeightedLeastSquares
 from dynid.identification.least_squares import autocorrelation as autocorrelation
 from dynid.identification.least_squares import solve_total as solve_total

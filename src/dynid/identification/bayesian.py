@@ -7,9 +7,8 @@ import numpy as np
 
 from dynid import reduction, regressor
 from dynid.core import Array, Mask, inverse_upper, upper_triangle
-from dynid.identification import least_squares
+from dynid.identification import least_squares, statistics
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
-from dynid.identification.statistics import hac_covariance
 from dynid.robot import RobotModel, from_pseudo_inertia, move, to_pseudo_inertia
 
 THICKNESS = 0.1
@@ -66,10 +65,8 @@ def inertial_prior(robot: RobotModel, frames: str) -> InertialPrior:
         rows.append(move(row, inverses[i]))
         for word in words:
             missing.setdefault(word, []).append(str(i + 1))
-    return InertialPrior(
-        parameters=np.array(rows),
-        completed=tuple(f"{word} of links {', '.join(ids)}" for word, ids in missing.items()),
-    )
+    completed = tuple(f"{word} of links {', '.join(ids)}" for word, ids in missing.items())
+    return InertialPrior(parameters=np.array(rows), completed=completed)
 
 
 def _completed(known: Array, end: Array, thick: float) -> tuple[Array, list[str]]:
@@ -112,11 +109,11 @@ def _orthonormal() -> Array:
     return basis
 
 
-_ORTHONORMAL = _orthonormal()
+ORTHONORMAL = _orthonormal()
 """(10, 4, 4) symmetric matrices, orthonormal by the trace of products."""
 
 
-def metric_moves(pseudo: Array, basis: Array = _ORTHONORMAL) -> Array:
+def metric_moves(pseudo: Array, basis: Array = ORTHONORMAL) -> Array:
     """(10 n, 10 n) moves of bodies: with J = L L' those by L E L', E of the basis (10, 4, 4).
 
     Those of the orthonormal basis are the units of the pseudo-inertias' own metric at J (n, 4, 4).
@@ -161,13 +158,13 @@ def deviations(robot: RobotModel, frames: str) -> Array:
         pseudo = to_pseudo_inertia(row)
         if not robot.published[i]:
             body = np.linalg.cholesky(pseudo)
-            moves = COMPLETED * (body @ _ORTHONORMAL @ body.T)
+            moves = COMPLETED * (body @ ORTHONORMAL @ body.T)
         else:
             theirs = np.allclose(move(row, places[i]), published)
             second = pseudo[:3, :3] - mass * np.outer(centre, centre)
             shape = np.asarray(np.linalg.cholesky(second), dtype=np.float64)
             moves = np.zeros((10, 4, 4))
-            moves[:6, :3, :3] = shape @ _ORTHONORMAL[:6, :3, :3] @ shape.T
+            moves[:6, :3, :3] = shape @ ORTHONORMAL[:6, :3, :3] @ shape.T
             moves[:6] *= TENSOR_SPREAD if theirs else COMPLETED
             arm = np.append(centre, 1.0)
             shifts = CENTRE_SPREAD_M * mass * np.eye(3, 4)[:, :, None] * arm
@@ -296,7 +293,8 @@ class BayesianRegression(least_squares.Estimator):
         completed = inertial_prior(model.robot, model.frames).completed
         relative = COMPLETED if completed else RELATIVE
         # Of the torques: variances of base parameters depend on how link frames lie.
-        torques = plain.information @ hac_covariance(plain, problem) @ plain.information.T
+        scores = statistics.hac_covariance(plain, problem)
+        torques = plain.information @ scores @ plain.information.T
         level = float(np.mean(np.square(plain.noise * plain.weights)))
         inflation = float(np.trace(torques)) / len(torques) / level
         factors = joint_factors(problem)

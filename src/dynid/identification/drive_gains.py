@@ -50,11 +50,8 @@ class DriveGains(core.Value):
 
     def to_json(self, names: tuple[str, ...]) -> dict[str, Any]:
         """A JSON object for joints of these names; null where a gain is not known."""
-        return {
-            "samples": self.samples,
-            "gains": core.table(joint=names, **{key: getattr(self, key) for key in _COLUMNS}),
-            **core.told(self.warnings),
-        }
+        gains = core.table(joint=names, **{key: getattr(self, key) for key in _COLUMNS})
+        return {"samples": self.samples, "gains": gains, **core.told(self.warnings)}
 
 
 def drive_gains(
@@ -79,9 +76,7 @@ def drive_gains(
         JobError: No joint's gain can be told.
     """
     if len(current) < 16:
-        raise core.InputError(
-            "too few samples for drive gains", value=len(current), limit="at least 16"
-        )
+        raise core.InputError("too few samples", value=len(current), limit="at least 16")
     rows, lost = np.empty((len(names), 5)), dict[str, str]()
     for j, name in enumerate(names):
         columns = np.stack([moment[:, j], np.tanh(velocity[:, j] / WIDTH), velocity[:, j]])
@@ -94,11 +89,9 @@ def drive_gains(
             value="; ".join(f"{name}: {reason}" for name, reason in lost.items()),
             next_step="Record a motion that loads and accelerates every joint.",
         )
-    return DriveGains(
-        **dict(zip(_COLUMNS, rows.T, strict=True)),
-        samples=len(current),
-        warnings=tuple(_lost(name, reason) for name, reason in lost.items()),
-    )
+    columns = dict(zip(_COLUMNS, rows.T, strict=True))
+    warnings = tuple(_lost(name, reason) for name, reason in lost.items())
+    return DriveGains(**columns, samples=len(current), warnings=warnings)
 
 
 def _lost(name: str, reason: str) -> core.Finding:
@@ -362,9 +355,8 @@ def _covariance(
             residual[:, part] = current - predicted
             weighted = residual[:, part] / np.square(noise[k])[:, None]
             scores[:joints, part] = -predicted * weighted
-            scores[joints:, part] = np.einsum(
-                "rjt,jt->rt", wide, weighted / gain[:, None], optimize=True
-            )
+            scaled = weighted / gain[:, None]
+            scores[joints:, part] = np.einsum("rjt,jt->rt", wide, scaled, optimize=True)
         return scores, residual
 
     return shared_sandwich(problem, inverse, scored, lambda rows, together: 1.0)

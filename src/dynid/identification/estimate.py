@@ -109,17 +109,12 @@ class Estimate(core.Value):
     def __post_init__(self) -> None:
         r, n = len(self.independent), self.model.robot.joints
         core.freeze(self, values=(r,), covariance=(r, r), naive_std=(r,), noise=(n,))
-        if len(self.expressions) != r:
-            raise core.InputError(
-                "one expression a parameter", value=len(self.expressions), limit=r
-            )
-        if self.standard is not None and len(self.standard.values) != len(self.model.columns):
-            raise core.InputError(
-                "standard parameters do not fit the model",
-                value=len(self.standard.values),
-                limit=len(self.model.columns),
-            )
-        if max(self.independent, default=0) >= len(self.model.columns):
+        if (given := len(self.expressions)) != r:
+            raise core.InputError("one expression a parameter", value=given, limit=r)
+        p = len(self.model.columns)
+        if self.standard is not None and (given := len(self.standard.values)) != p:
+            raise core.InputError("standard parameters do not fit the model", value=given, limit=p)
+        if max(self.independent, default=0) >= p:
             raise core.InputError("base columns do not fit the model", value=max(self.independent))
 
     @property
@@ -246,10 +241,8 @@ class Estimate(core.Value):
             now = None if state is None else state[:, part]
             stack = self.model.stack(q[part], dq[part], ddq[part], state=now)
             columns = stack[list(self.independent)]
-            motion = dq[part].T, ddq[part].T
-            width[part] = interval.half_width(
-                self.names, self.values, columns, motion, never, level
-            ).T
+            known, motion = (self.names, self.values, columns), (dq[part].T, ddq[part].T)
+            width[part] = interval.half_width(*known, motion, never, level).T
         return core.read_only(width)
 
     def standard_table(self) -> list[dict[str, Any]] | None:

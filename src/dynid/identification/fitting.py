@@ -6,25 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from dynid import recording, regressor
+from dynid import recording, reduction, regressor
 from dynid.core import Array, Finding, Indices, Provenance
 from dynid.identification import bayesian, instrumental, least_squares, physical, statistics
+from dynid.identification import problem as linear
 from dynid.identification.estimate import Estimate, StandardParameters
-from dynid.identification.problem import (
-    ILL_CONDITIONED,
-    IdentificationProblem,
-    SummedProblem,
-    base_mapping,
-    condition_number,
-    joint_factors,
-    motion_condition_number,
-    observation_root,
-    scaled_condition_number,
-)
-from dynid.identification.selection import assessment, unseen
-from dynid.identification.selection.regions import BLOCKS, alone, find_regions, moving_rows
+from dynid.identification.selection import assessment, regions, unseen
 from dynid.identification.sums import PassPlan, RowSums, no_sums
-from dynid.reduction import reduce_model
 from dynid.signals import ProcessingSettings, Samples, UniformSignals, uniform_signals
 
 SMALL_RANGE = {False: 0.1, True: 0.02}
@@ -58,10 +46,10 @@ def ill_conditioned(estimate: Estimate, samples: Samples) -> Iterator[Finding]:
     number = estimate.motion_condition_number
     one_way = one_way_joints(samples)
     text: list[str] = []
-    if number > ILL_CONDITIONED:
+    if number > linear.ILL_CONDITIONED:
         text.append(
             f"the condition number of the motion is {number:.3g}: errors of torque can grow by "
-            f"this factor elsewhere (good motions stay below {ILL_CONDITIONED:.0f})"
+            f"this factor elsewhere (good motions stay below {linear.ILL_CONDITIONED:.0f})"
         )
     if 2 * len(one_way) > samples.joints:
         text.append(
@@ -70,13 +58,8 @@ def ill_conditioned(estimate: Estimate, samples: Samples) -> Iterator[Finding]:
             f"{estimate.condition_number:.1e}"
         )
     if text:
-        yield Finding(
-            "ill_conditioned",
-            "; ".join(text) + ". Some combinations of parameters are poorly excited",
-            severity="error",
-            value=number,
-            next_step=_EXCITE,
-        )
+        what = "; ".join(text) + ". Some combinations of parameters are poorly excited"
+        yield Finding("ill_conditioned", what, severity="error", value=number, next_step=_EXCITE)
 
 
 def one_way_joints(samples: Samples) -> tuple[int, ...]:
@@ -106,16 +89,10 @@ def low_excitation(estimate: Estimate, samples: Samples) -> Iterator[Finding]:
     with np.errstate(invalid="ignore"):
         uncertain = int((estimate.relative_std_percent > 100).sum())
     if uncertain > UNCERTAIN_SHARE * len(estimate.values):
-        found.append(
-            f"{uncertain} of {len(estimate.values)} parameters have standard deviations above 100 %"
-        )
+        found.append(f"{uncertain} of {len(estimate.values)} parameters have a std above 100 %")
     if found:
-        yield Finding(
-            "low_excitation",
-            "the motion excites too little: " + "; ".join(found[:8]),
-            severity="error",
-            next_step=_EXCITE,
-        )
+        what = "the motion excites too little: " + "; ".join(found[:8])
+        yield Finding("low_excitation", what, severity="error", next_step=_EXCITE)
 
 
 def not_physical(estimate: Estimate, samples: Samples) -> Iterator[Finding]:
@@ -243,9 +220,9 @@ class AllRows:
     """(r, r) root of the covariance by a model of the noise, times the rows; None without one."""
     sums: RowSums
 
-    def problem(self, part: IdentificationProblem) -> SummedProblem:
+    def problem(self, part: linear.IdentificationProblem) -> linear.SummedProblem:
         """The problem of all rows, of which a part is at hand."""
-        return SummedProblem(
+        return linear.SummedProblem(
             base=part.base,
             samples=part.samples,
             factors=self.sums.joint_factors(),
@@ -291,8 +268,8 @@ def plan_pass(part: PreparedFit, rows: int, recordings: Sequence[tuple[int, bool
         recordings: Of each recording in the part, if all are several: which of these it is of, and
             whether it is of its later half.
     """
-    samples, base = part.samples, reduce_model(part.model)
-    problem = IdentificationProblem(base=base, samples=samples)
+    samples, base = part.samples, reduction.reduce_model(part.model)
+    problem = linear.IdentificationProblem(base=base, samples=samples)
     fit = part.estimator.checked_fit(problem)
     residual = problem.residual(fit.values)
     floor = None
@@ -300,25 +277,25 @@ def plan_pass(part: PreparedFit, rows: int, recordings: Sequence[tuple[int, bool
         floor = statistics.ar_root(fit, problem, residual) * np.sqrt(problem.blocks)
     used = samples.rows
     every = slice(used.start, used.start + problem.blocks * samples.block, samples.block)
-    regions, halved = None, tuple[int, ...]()
+    known, halved = None, tuple[int, ...]()
     if recordings:
-        (moves,) = moving_rows([samples.dq[every]], problem.rate_hz)
-        halved = alone(_by_piece([one for one, _ in recordings], part)[every], moves)
+        (moves,) = regions.moving_rows([samples.dq[every]], problem.rate_hz)
+        halved = regions.alone(_by_piece([one for one, _ in recordings], part)[every], moves)
     else:
-        regions = find_regions([samples.q[every]], part.model.robot.prismatic)
+        known = regions.find_regions([samples.q[every]], part.model.robot.prismatic)
     columns = fit.information / np.linalg.norm(fit.information, axis=0)
     plan = PassPlan(
         base=base,
         values=fit.values,
         weights=fit.weights,
         lag=statistics.correlation_lag(residual, problem.rate_hz, rows),
-        regions=regions,
+        regions=known,
         halved=halved,
-        stretches=BLOCKS,
+        stretches=regions.BLOCKS,
         factors=bool(np.linalg.cond(columns) > COARSEST),
     )
-    if regions is not None:
-        parts = regions.labels(samples.q[every], 0)
+    if known is not None:
+        parts = known.labels(samples.q[every], 0)
     else:
         parts = _by_piece([plan.left_out_with(*one) for one in recordings], part)[every]
     return AllRows(plan=plan, parts=parts, floor=floor, sums=no_sums(samples.joints, base.rank))
@@ -344,8 +321,9 @@ def fit_estimate(prepared: PreparedFit, everything: AllRows | None = None) -> Es
         InputError: Fewer torque samples than parameters.
         JobError: A singular problem.
     """
-    samples, source, base = prepared.samples, prepared.source, reduce_model(prepared.model)
-    part = IdentificationProblem(base=base, samples=samples)
+    samples, source = prepared.samples, prepared.source
+    base = reduction.reduce_model(prepared.model)
+    part = linear.IdentificationProblem(base=base, samples=samples)
     problem, cells, sums = part, None, None
     if everything is not None:
         problem, cells, sums = everything.problem(part), everything.cells, everything.sums
@@ -357,7 +335,7 @@ def fit_estimate(prepared: PreparedFit, everything: AllRows | None = None) -> Es
         covariance, rho = everything.covariance(fit), everything.autocorrelation
     standard = None
     if fit.standard is not None:
-        standard, covariance = _standard(fit.standard, covariance, base_mapping(base))
+        standard, covariance = _standard(fit.standard, covariance, linear.base_mapping(base))
     return judged(
         problem,
         fit,
@@ -375,7 +353,7 @@ def fit_estimate(prepared: PreparedFit, everything: AllRows | None = None) -> Es
 
 
 def judged(
-    problem: IdentificationProblem,
+    problem: linear.IdentificationProblem,
     fit: least_squares.Fit,
     source: EstimateSource,
     **known: Any,
@@ -384,7 +362,7 @@ def judged(
 
     Of the other fields of `Estimate` some are `known`.
     """
-    base, model, root = problem.base, problem.base.model, observation_root(problem)
+    base, model, root = problem.base, problem.base.model, linear.observation_root(problem)
     settings = source.settings
     signals = [uniform_signals(record, model.robot, settings) for record in source.records]
     known.setdefault("motion", _motion_range(problem.samples))
@@ -394,8 +372,8 @@ def judged(
         expressions=base.expressions,
         values=fit.values,
         noise=fit.noise,
-        condition_number=condition_number(root),
-        scaled_condition_number=scaled_condition_number(root, base_mapping(base)),
+        condition_number=linear.condition_number(root),
+        scaled_condition_number=linear.scaled_condition_number(root, linear.base_mapping(base)),
         motion_condition_number=_conditioning(problem, fit, signals, settings),
         samples=problem.blocks,
         settings=replace(settings, cutoff_hz=problem.samples.cutoff_hz),
@@ -409,21 +387,23 @@ def judged(
 
 
 def _conditioning(
-    problem: IdentificationProblem,
+    problem: linear.IdentificationProblem,
     fit: least_squares.Fit,
     recordings: Sequence[UniformSignals],
     settings: ProcessingSettings,
 ) -> float:
     """`motion_condition_number` with the published inertias, as strongly as the fit takes them."""
     model = problem.base.model
-    base = reduce_model(regressor.InverseDynamicModel(robot=model.robot, frames=model.frames))
+    base = reduction.reduce_model(
+        regressor.InverseDynamicModel(robot=model.robot, frames=model.frames)
+    )
     prior = bayesian.published_prior(base) if fit.prior_strength else None
     rows = None
     if prior is not None and prior.published:
-        torque = least_squares.torque_scale(joint_factors(problem), problem)
+        torque = least_squares.torque_scale(linear.joint_factors(problem), problem)
         noise = np.sqrt(np.mean(np.square(fit.noise / torque)))
         rows = noise * np.sqrt(fit.prior_strength) * prior.root
-    return motion_condition_number(base, recordings, settings, rows)
+    return linear.motion_condition_number(base, recordings, settings, rows)
 
 
 def _standard(

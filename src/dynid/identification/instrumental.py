@@ -210,12 +210,10 @@ class InstrumentalVariables(Estimator):
         factors = joint_factors(measured)
         for _ in range(ITERATIONS):
             simulated = simulated_problem(problem, smooth, inner, fit.values)
-            values, information = solve_instrumental(measured, simulated, fit.weights)
-            step = float(np.linalg.norm(information @ (values - fit.values)))
+            values, root = solve_instrumental(measured, simulated, fit.weights)
+            step = float(np.linalg.norm(root @ (values - fit.values)))
             noise = residual_noise(factors, values, measured)
-            fit = replace(
-                fit, values=values, information=information, noise=noise, weights=1.0 / noise
-            )
+            fit = replace(fit, values=values, information=root, noise=noise, weights=1.0 / noise)
             if step < TOLERANCE * np.sqrt(len(values)):
                 break
         return fit

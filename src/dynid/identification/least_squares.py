@@ -86,9 +86,8 @@ class Estimator(ABC):
         fit = self.fit(problem)
         where = f"{type(self).__name__}.fit"
         if not isinstance(fit, Fit):  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise core.InputError(
-                "returned no Fit", where=where, value=type(fit).__name__, limit="dynid.Fit"
-            )
+            kind = type(fit).__name__
+            raise core.InputError("returned no Fit", where=where, value=kind, limit="dynid.Fit")
         n, r = problem.samples.joints, problem.base.rank
         shapes = {"values": (r,), "noise": (n,), "weights": (n,), "information": (r, r)}
         for name, shape in shapes.items():
@@ -105,11 +104,15 @@ class OrdinaryLeastSquares(Estimator):
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""
-        factors = joint_factors(problem)
-        weights = np.ones(len(factors))
-        values, information = solve(factors, weights, problem.base)
-        noise = residual_noise(factors, values, problem)
-        return Fit(values=values, noise=noise, weights=weights, information=information)
+        return _weighted(problem, np.ones(problem.samples.joints))
+
+
+def _weighted(problem: IdentificationProblem, weights: core.Array) -> Fit:
+    """The solution for weights (n) of the joints' rows."""
+    factors = joint_factors(problem)
+    values, information = solve(factors, weights, problem.base)
+    noise = residual_noise(factors, values, problem)
+    return Fit(values=values, noise=noise, weights=weights, information=information)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -332,12 +335,8 @@ class TotalLeastSquares(Estimator):
         values = solve_total(stacked)
         # What it takes for errors of the columns may be none: as far off as it moved.
         moved = plain.information.T @ (plain.information @ (values - plain.values))
-        return replace(
-            plain,
-            values=values,
-            noise=residual_noise(factors, values, problem),
-            score_covariance=np.outer(moved, moved),
-        )
+        noise, off = residual_noise(factors, values, problem), np.outer(moved, moved)
+        return replace(plain, values=values, noise=noise, score_covariance=off)
 
 
 def solve_total(augmented: core.Array) -> core.Array:
@@ -369,8 +368,4 @@ class RecursiveLeastSquares(Estimator):
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""
-        weights = 1.0 / WeightedLeastSquares().fit(problem).noise
-        factors = joint_factors(problem)
-        values, information = solve(factors, weights, problem.base)
-        noise = residual_noise(factors, values, problem)
-        return Fit(values=values, noise=noise, weights=weights, information=information)
+        return _weighted(problem, 1.0 / WeightedLeastSquares().fit(problem).noise)

@@ -5,7 +5,6 @@ more, for the payload alone (Khalil, Gautier, Lemoine 2007). What both runs get 
 in the arm's parameters of both, and leaves the payload alone.
 """
 
-import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +13,7 @@ import numpy as np
 
 from dynid import robot
 from dynid.core import Array, Finding, Value, freeze, solve_upper, table, told, upper_triangle
+from dynid.identification import bayesian
 from dynid.identification.shared import PAYLOAD, UNKNOWN, SharedFit, SharedProblem
 
 _START = 1e-3
@@ -24,10 +24,6 @@ _NEWTON = 50
 """Most steps with one of them; a few are enough."""
 _WHOLE, _STILL = 0.25, 1e-3
 """Steps that are taken whole, and last ones, as the barrier measures them: the digits double."""
-_UNITS = robot.PSEUDO_INERTIA_BASIS / np.linalg.norm(
-    robot.PSEUDO_INERTIA_BASIS, axis=(1, 2), keepdims=True
-)
-"""(10, 4, 4) symmetric matrices, orthonormal."""
 
 
 def nearest_body(free: Array, covariance: Array) -> Array:
@@ -61,15 +57,15 @@ def _step(root: Array, white: Array, free: Array, weight: float) -> tuple[Array,
     The body before the step is the unit matrix, of which the barrier bends every direction alike,
     and the step is by least squares: deviations of 1e-5 and 1e2 go together so.
     """
-    slope = robot.from_pseudo_inertia(root @ _UNITS @ root.T).T
+    slope = robot.from_pseudo_inertia(root @ bayesian.ORTHONORMAL @ root.T).T
     near = np.column_stack([white @ slope, white @ (free - _body(root))])
-    bent = np.column_stack([np.eye(10), np.trace(_UNITS, axis1=1, axis2=2)])
+    bent = np.column_stack([np.eye(10), np.trace(bayesian.ORTHONORMAL, axis1=1, axis2=2)])
     upper = upper_triangle(np.vstack([near, np.sqrt(weight) * bent]))[:10]
     step = solve_upper(upper[:, :10], upper[:, 10])
     long = float(np.linalg.norm(upper[:, 10])) / np.sqrt(weight)
     # Damped so, no step leaves the bodies that can exist: the barrier is self-concordant.
     step = step / (1.0 if long < _WHOLE else 1.0 + long)
-    turned = np.linalg.cholesky(np.eye(4) + np.tensordot(step, _UNITS, axes=1))
+    turned = np.linalg.cholesky(np.eye(4) + np.tensordot(step, bayesian.ORTHONORMAL, axes=1))
     return root @ np.asarray(turned, dtype=np.float64), long
 
 
@@ -199,7 +195,7 @@ def payload_of(problem: SharedProblem, fit: SharedFit) -> Payload:
 def _findings(free: Array, covariance: Array) -> Iterator[Finding]:
     unseen = np.sqrt(np.diag(covariance)) > UNKNOWN / 2
     if unseen.any():
-        names = ", ".join(itertools.compress(robot.PARAMETERS, unseen))
+        names = ", ".join(np.array(robot.PARAMETERS)[unseen])
         text = f"no torque of these motions depends on {names} of the payload"
         yield Finding("low_excitation", text)
     spread = float(np.sqrt(covariance[0, 0]))

@@ -197,21 +197,13 @@ def solve_conic(problem: ConsistentProblem, gamma: float) -> ConsistentSolution:
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = TOLERANCE
     settings.max_iter = 400
     matrix = scipy_part("sparse").csc_matrix
-    solver = clarabel.DefaultSolver(
-        matrix(np.triu(quadratic)),
-        linear,
-        matrix(np.vstack(rows)),
-        np.concatenate(right),
-        cones,
-        settings,
-    )
-    solution = solver.solve()
+    cost = matrix(np.triu(quadratic)), linear
+    limits = matrix(np.vstack(rows)), np.concatenate(right)
+    solution = clarabel.DefaultSolver(*cost, *limits, cones, settings).solve()
     if str(solution.status) not in ("Solved", "AlmostSolved"):
         raise JobError("the conic solver found no solution", value=str(solution.status))
     # In the solver's units, which those of the arm do not change.
-    multipliers, slack = (
-        np.array(x[: len(sizes)], dtype=np.float64) for x in (solution.z, solution.s)
-    )
+    multipliers, slack = (np.array(x[: len(sizes)]) for x in (solution.z, solution.s))
     return ConsistentSolution(
         values=_within_the_cone(problem, units @ np.array(solution.x[:width], dtype=np.float64)),
         multipliers=np.maximum(multipliers / sizes, 0.0),
@@ -239,9 +231,8 @@ def _units(problem: ConsistentProblem) -> Array:
     Friction in N.m beside inertias of a wrist would stop the solver short of its tolerance.
     """
     units, inertial = np.eye(problem.matrix.shape[1]), 10 * problem.links
-    units[:inertial, :inertial] = bayesian.metric_moves(
-        to_pseudo_inertia(problem.prior), PSEUDO_INERTIA_BASIS
-    )
+    bodies = to_pseudo_inertia(problem.prior)
+    units[:inertial, :inertial] = bayesian.metric_moves(bodies, PSEUDO_INERTIA_BASIS)
     norms = np.linalg.norm(problem.matrix[:, inertial:], axis=0)
     for k, norm in enumerate(norms, start=inertial):
         units[k, k] = 1.0 / norm if norm > 0 else 1.0
@@ -293,9 +284,8 @@ def standard_posterior(estimate: Estimate, base: BaseParametrization) -> Standar
     spread[:inertial, :inertial] = bayesian.deviations(model.robot, model.frames)
     sizes: dict[str, float] = {}
     for name, value in zip(estimate.names, np.abs(estimate.values), strict=True):
-        sizes[bayesian.symbol_of(name)] = max(
-            float(value), sizes.get(bayesian.symbol_of(name), 1e-6)
-        )
+        symbol = bayesian.symbol_of(name)
+        sizes[symbol] = max(float(value), sizes.get(symbol, 1e-6))
     # Friction and motor inertia have no published value: as wide as the largest of their kind.
     for k, name in enumerate(model.names[inertial:], start=inertial):
         spread[k, k] = sizes.get(bayesian.symbol_of(name), max(sizes.values()))
@@ -472,11 +462,9 @@ def _words(
         f"consistent bodies, prior weight {gamma:.2g}: weighted residual sum "
         f"{100 * excess:+.2g} % against weighted least squares"
     ]
-    binding = [
-        "-".join(names[i] for i in np.flatnonzero(row))
-        for row in problem.constraints[solution.held]
-        if not row[: 10 * problem.links].any()
-    ]
+    held = problem.constraints[solution.held]
+    of_friction = held[~held[:, : 10 * problem.links].any(axis=1)]
+    binding = ["-".join(names[i] for i in np.flatnonzero(row)) for row in of_friction]
     if binding:
         words.append(f"at their bounds: {', '.join(binding)}")
     if prior.completed:

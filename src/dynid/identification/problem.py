@@ -30,11 +30,9 @@ class IdentificationProblem(Value):
         robot = self.base.model.robot
         if self.samples.joints != robot.joints:
             raise InputError("joints differ", value=self.samples.joints, limit=robot.joints)
-        rows = self.blocks * robot.joints
-        if rows <= self.base.rank:
-            raise InputError(
-                "fewer torque samples than parameters", value=rows, limit=f"> {self.base.rank}"
-            )
+        rows, rank = self.blocks * robot.joints, self.base.rank
+        if rows <= rank:
+            raise InputError("fewer torque samples than parameters", value=rows, limit=f"> {rank}")
 
     @property
     def blocks(self) -> int:
@@ -233,20 +231,17 @@ def motion_condition_number(
     robot = base.model.robot
     problems: list[IdentificationProblem] = []
     for uniform in recordings:
-        cutoff = max(
-            BANDWIDTH_FACTOR * signals.motion_bandwidth(uniform.q, uniform.rate_hz), LOWEST_HZ
-        )
+        bandwidth = signals.motion_bandwidth(uniform.q, uniform.rate_hz)
         smooth = replace(
             settings,
-            cutoff_hz=cutoff,
+            cutoff_hz=max(BANDWIDTH_FACTOR * bandwidth, LOWEST_HZ),
             velocity="position",
             delays_s=None,
             decimate=True,
             torque_filter=None,
         )
-        problems.append(
-            IdentificationProblem(base=base, samples=signals.samples_from(uniform, smooth))
-        )
+        samples = signals.samples_from(uniform, smooth)
+        problems.append(IdentificationProblem(base=base, samples=samples))
     recorded = np.concatenate([joint_factors(problem) for problem in problems], axis=1)
     torque = np.linalg.norm(recorded[..., -1], axis=1)
     torque = np.maximum(torque, 1e-6 * (torque.max() or 1.0))

@@ -1,6 +1,5 @@
 """Torque ripple of gears, found by the waves that a fit leaves over their joints' positions."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise, product
@@ -8,8 +7,7 @@ from itertools import pairwise, product
 import numpy as np
 
 from dynid.core import Array
-from dynid.identification.least_squares import Estimator
-from dynid.identification.problem import IdentificationProblem
+from dynid.identification import least_squares, problem
 from dynid.reduction import reduce_model
 from dynid.regressor import Gear, InverseDynamicModel, TorqueRipple
 from dynid.signals import NYQUIST_SHARE, Samples
@@ -50,11 +48,9 @@ def find_gears(
     q: Array, dq: Array, residual: Array, rate_hz: float, prismatic: Sequence[bool]
 ) -> list[Gear]:
     """The gears whose waves a residual contains; see `find_ripples`."""
-    peaks = {
-        j: peak
-        for j in range(len(q))
-        if not prismatic[j] and (peak := _peak(q[j], dq[j], residual[j], rate_hz)) is not None
-    }
+    turning = [j for j in range(len(q)) if not prismatic[j]]
+    found = {j: _peak(q[j], dq[j], residual[j], rate_hz) for j in turning}
+    peaks = {j: peak for j, peak in found.items() if peak is not None}
     gears: list[Gear] = []
     for group in alike({j: wave for j, (wave, _) in peaks.items()}):
         powers = [peaks[j][1] for j in group]
@@ -62,9 +58,8 @@ def find_gears(
         if max(powers) < CLEAR_PEAK:
             continue
         group = [j for j, power in zip(group, powers, strict=True) if power > WEAK_PEAK]
-        wave = _common_wave(
-            {j: (q[j], dq[j], residual[j]) for j in group}, [peaks[j][0] for j in group]
-        )
+        parts = {j: (q[j], dq[j], residual[j]) for j in group}
+        wave = _common_wave(parts, [peaks[j][0] for j in group])
         shaped = (_gear(j, q[j], dq[j], residual[j], rate_hz, wave) for j in group)
         gears += [gear for gear in shaped if gear is not None]
     return gears
@@ -145,7 +140,7 @@ def _gear(
 def wave_power(q: Array, residual: Array, waves: Array) -> Array:
     """(k) power of evenly spaced waves a turn (k) in a residual (N) at positions (N)."""
     # exp(i (a + b) q) = exp(i a q) exp(i b q): few exponentials serve all waves.
-    width = math.isqrt(len(waves)) + 1
+    width = int(np.sqrt(len(waves))) + 1
     near = np.exp(1j * np.outer((waves[1] - waves[0]) * np.arange(width), q))
     far = residual * np.exp(1j * np.outer(waves[::width], q))
     found = (far @ near.T).ravel()[: len(waves)] / len(q)
@@ -189,7 +184,7 @@ ONE_PART = STRETCHES // FOLDS
 
 
 def with_ripple(
-    model: InverseDynamicModel, samples: Samples, estimator: Estimator
+    model: InverseDynamicModel, samples: Samples, estimator: least_squares.Estimator
 ) -> InverseDynamicModel:
     """The model with the torque ripple that lowers errors on blocks of samples left out.
 
@@ -199,20 +194,17 @@ def with_ripple(
         # What smoothed the torque has taken the ripple away.
         return model
     base = reduce_model(model)
-    problem = IdentificationProblem(base=base, samples=samples)
-    fit = estimator.checked_fit(problem)
+    plain = problem.IdentificationProblem(base=base, samples=samples)
+    fit = estimator.checked_fit(plain)
     predicted = model.inverse_dynamics(
-        samples.q, samples.dq, samples.ddq, base.to_standard(fit.values), problem.state
+        samples.q, samples.dq, samples.ddq, base.to_standard(fit.values), plain.state
     )
     residual = samples.tau + model.known_torque(samples.q) - predicted
     step = -(-samples.count // MOST_SAMPLES)
     q, dq, left = (np.array(x.T[:, ::step]) for x in (samples.q, samples.dq, residual))
     least = MATTERS * np.sqrt(np.square(samples.tau).mean(axis=0))
-    ripples = tuple(
-        ripple
-        for ripple in find_ripples(q, dq, left, samples.rate_hz, model.robot.prismatic)
-        if ripple.torque(q, dq).std() > least[ripple.joint]
-    )
+    found = find_ripples(q, dq, left, samples.rate_hz, model.robot.prismatic)
+    ripples = tuple(one for one in found if one.torque(q, dq).std() > least[one.joint])
     return replace(model, friction=replace(model.friction, ripples=ripples))
 
 

@@ -153,9 +153,8 @@ def solve_shared(factors: Array, weights: Array, own: int, payload: int = 0) -> 
         wide[k, :, first:] = upper[:, own:]
     known = np.eye(payload, size + 1, size - payload) / UNKNOWN
     values, root = least_squares.solve_rows(np.vstack([*wide, known]), SINGULAR)
-    return SharedSolution(
-        own=values[:first].reshape(records, own), shared=values[first:], information=root
-    )
+    each = values[:first].reshape(records, own)
+    return SharedSolution(own=each, shared=values[first:], information=root)
 
 
 SAME_LENGTH = 0.01
@@ -248,10 +247,8 @@ def _covariance(
     total = sum(item.blocks for item in problem.problems)
 
     def scored(k: int) -> tuple[Array, Array]:
-        blocks = problem.problems[k].blocks
-        local, residual = statistics.scores_of(
-            problem.chunks(k), blocks, solution.local(k), weights[k]
-        )
+        blocks, values = problem.problems[k].blocks, solution.local(k)
+        local, residual = statistics.scores_of(problem.chunks(k), blocks, values, weights[k])
         scores = np.zeros((len(root), local.shape[1]))
         scores[k * own : (k + 1) * own], scores[records * own :] = local[:own], local[own:]
         return scores, residual
@@ -352,13 +349,9 @@ def shared_estimates(
         values, rank = flat[order], len(order)
         # Behind the parameters of the others, the root is that of these alone.
         others = np.setdiff1d(np.arange(len(flat)), order)
-        root = upper_triangle(fit.solution.information[:, [*others, *order]])
-        plain = least_squares.Fit(
-            values=values,
-            noise=fit.noise[k],
-            weights=1.0 / fit.noise[k],
-            information=root[-rank:, -rank:],
-        )
+        root = upper_triangle(fit.solution.information[:, [*others, *order]])[-rank:, -rank:]
+        noise = fit.noise[k]
+        plain = least_squares.Fit(values=values, noise=noise, weights=1.0 / noise, information=root)
         found.append(
             fitting.judged(
                 item,

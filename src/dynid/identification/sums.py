@@ -11,13 +11,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dynid import reduction, regressor, signals
 from dynid.core import Array, Indices, compiled, upper_triangle
 from dynid.identification.problem import block_mean, chunk_size, motion_state, recorded_rows
 from dynid.identification.selection.gram import GramBlocks
 from dynid.identification.selection.regions import Regions
-from dynid.reduction import BaseParametrization, GramLayout, gram_layout
-from dynid.regressor import in_lanes, inertial_rows, turns
-from dynid.signals import Samples
 
 WINDOWS_A_LAG = 16
 """Windows of scores that are summed within one lag."""
@@ -27,7 +25,7 @@ WINDOWS_A_LAG = 16
 class PassPlan:
     """What is summed, the same for all parts."""
 
-    base: BaseParametrization
+    base: reduction.BaseParametrization
     values: Array
     """(r) base parameters whose residuals are looked at: those of a part of the rows."""
     weights: Array
@@ -160,20 +158,18 @@ class PanelRows:
     evaluated, in memory that is used again: a pass over a recording takes half of the time.
     """
 
-    def __init__(self, base: BaseParametrization) -> None:
+    def __init__(self, base: reduction.BaseParametrization) -> None:
         self.base, model = base, base.model
-        self.layout: GramLayout = gram_layout(model, base)
+        self.layout: reduction.GramLayout = reduction.gram_layout(model, base)
         self.columns: list[Indices] = [panel.columns for panel in self.layout.panels]
         # What brings a panel's rows (m) into the order of the base columns, the torque behind them.
         place = [np.append(base.rank, columns) for columns in self.columns]
         self.spread: list[Array] = [np.eye(base.rank + 1)[one] for one in place]
         friction = model.friction
-        self._plain = (
-            friction.load is None and not friction.ripples and not any(friction.presliding)
-        )
+        self._plain = friction.load is None and not (friction.ripples or any(friction.presliding))
         self._memory: dict[int, tuple[Array, Array]] = {}
 
-    def chunks(self, samples: Samples, inner: slice) -> Iterator[tuple[slice, list[Array]]]:
+    def chunks(self, samples: signals.Samples, inner: slice) -> Iterator[tuple[slice, list[Array]]]:
         """Samples covered, and for each joint its panel (m, T): its torque, then columns.
 
         Of the samples, those beside the inner ones, a multiple of their block, are only looked at.
@@ -185,35 +181,27 @@ class PanelRows:
         state = None if plain else motion_state(self.base.model, samples)
         for first in range(inner.start, inner.stop, step):
             part = slice(first, min(first + step, inner.stop))
-            yield (
-                part,
-                (self._evaluated(samples, part) if plain else self._picked(samples, part, state)),
-            )
+            panels = self._evaluated(samples, part) if plain else self._picked(samples, part, state)
+            yield part, panels
 
-    def _picked(self, samples: Samples, part: slice, state: Array | None) -> list[Array]:
+    def _picked(self, samples: signals.Samples, part: slice, state: Array | None) -> list[Array]:
         model, independent = self.base.model, list(self.base.independent)
         stack, torque = recorded_rows(model, samples, part, independent, state)
-        panels = (
-            np.concatenate([torque[j : j + 1], stack[columns, j]])
-            for j, columns in enumerate(self.columns)
-        )
+        panels = (np.vstack([torque[j], stack[own, j]]) for j, own in enumerate(self.columns))
         return [block_mean(panel, samples.block) for panel in panels]
 
-    def _evaluated(self, samples: Samples, part: slice) -> list[Array]:
+    def _evaluated(self, samples: signals.Samples, part: slice) -> list[Array]:
         model, n = self.base.model, samples.joints
         motion = [values[part] for values in (samples.q, samples.dq, samples.ddq)]
         count = len(motion[0])
-        state = in_lanes(model.motion(*motion))
+        state = regressor.in_lanes(model.motion(*motion))
         length = state.shape[2]
         if length not in self._memory:
-            others = len(model.columns) - 10 * n
-            self._memory[length] = (
-                np.zeros((self.layout.rows, length)),
-                np.zeros((others, n, length)),
-            )
+            beside = np.zeros((len(model.columns) - 10 * n, n, length))
+            self._memory[length] = np.zeros((self.layout.rows, length)), beside
         rows, beside = self._memory[length]
-        turn = turns(state[0])
-        inertial_rows(*model.constants, turn, state, rows, self.layout.places)
+        turn = regressor.turns(state[0])
+        regressor.inertial_rows(*model.constants, turn, state, rows, self.layout.places)
         model.fill_beside(state[1], state[2], beside)
         torque = samples.tau[part].T + model.known_torque(motion[0]).T
         found: list[Array] = []
@@ -238,8 +226,8 @@ def _add_scores(panel: Array, weighted: Array, columns: Indices, scores: Array) 
 
 
 def sum_rows(
-    panels: PanelRows, plan: PassPlan, samples: Samples, inner: slice, first: int, total: int,
-    part_left_out: int = 0,
+    panels: PanelRows, plan: PassPlan, samples: signals.Samples, inner: slice,
+    first: int, total: int, part_left_out: int = 0,
 ) -> RowSums:  # fmt: skip
     """Sum a part of a recording, its panels by the plan.
 
@@ -264,9 +252,8 @@ def sum_rows(
         for j, panel in enumerate(parts):
             error = panel[0] - own[j] @ panel[1:]
             residual[j, here] = error
-            _add_scores(
-                np.ascontiguousarray(panel), square[j] * error, panels.columns[j], own_scores
-            )
+            packed = np.ascontiguousarray(panel)
+            _add_scores(packed, square[j] * error, panels.columns[j], own_scores)
             if plan.factors:
                 factors[j] = upper_triangle(np.vstack([factors[j], panel.T]))
         scores[:, here] = own_scores

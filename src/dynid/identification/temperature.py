@@ -17,13 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid import core
+from dynid.identification import shared
 from dynid.identification.estimate import Estimate, estimate_to_json, read_estimate
-from dynid.identification.shared import (
-    base_order,
-    friction_order,
-    friction_parameters,
-    friction_places,
-)
 
 LAWS = ("exponential", "linear")
 LEAST_SPREAD_K = 3.0
@@ -219,15 +214,13 @@ class TemperatureModel(core.Value):
 
     def __post_init__(self) -> None:
         known, records = self.estimate, len(self.temperature_degC)
-        size = len(known.values) + (records - 1) * len(friction_parameters(known))
+        size = len(known.values) + (records - 1) * len(shared.friction_parameters(known))
         core.freeze(self, temperature_degC=(None, known.model.robot.joints))
         core.freeze(self, covariance=(size, size), naive=(size, size))
-        wanted = [(2 * len(own), records * len(own)) for own in friction_places(known)]
+        wanted = [(2 * len(own), records * len(own)) for own in shared.friction_places(known)]
         shapes = [law.gain.shape for law in self.laws]
         if shapes != wanted:
-            raise core.InputError(
-                "laws: not those of the joints' friction", value=shapes, limit=wanted
-            )
+            raise core.InputError("laws do not fit the friction", value=shapes, limit=wanted)
 
     @property
     def reference_degC(self) -> core.Array:
@@ -250,12 +243,13 @@ class TemperatureModel(core.Value):
             raise core.InputError(said, value=temperature_degC, limit=limit)
         wanted = np.broadcast_to(wanted, (joints,))
         known, records = self.estimate, len(self.temperature_degC)
-        own, values = np.array(friction_parameters(known), dtype=np.intp), known.values.copy()
-        turn = np.eye(len(self.covariance))[base_order(known, records)]
+        own = np.array(shared.friction_parameters(known), dtype=np.intp)
+        values, places = known.values.copy(), shared.friction_places(known)
+        turn = np.eye(len(self.covariance))[shared.base_order(known, records)]
         turn[own] = 0.0
-        for degC, law, c in zip(wanted.tolist(), self.laws, friction_places(known), strict=True):
+        for degC, law, c in zip(wanted.tolist(), self.laws, places, strict=True):
             values[own[c]], sensitivity = law.at(degC)
-            turn[np.ix_(own[c], friction_order(known, records, c))] = sensitivity @ law.gain
+            turn[np.ix_(own[c], shared.friction_order(known, records, c))] = sensitivity @ law.gain
         covariance, naive = (turn @ c @ turn.T for c in (self.covariance, self.naive))
         choices = [choice for choice in known.choices if not choice.startswith(CHOICE)]
         return replace(
