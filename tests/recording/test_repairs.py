@@ -20,6 +20,7 @@ from dynid.robot import Drives, load_robot
 from dynid.signals.resample import GAP_STEPS
 
 MOTION = Motion(samples=1500)
+COUNTED_ANEW = np.zeros(0, dtype=np.int64)
 
 
 def raw(motion: Motion = MOTION, noise: float = 0.0, **changes) -> RawTable:
@@ -285,7 +286,8 @@ def test_rows_of_zeros_are_dropped(rows: slice) -> None:
 def test_jump_without_return_is_reported() -> None:
     table = raw()
     keep = np.r_[0:500, 900:1500]
-    cut = replace(table.keep(np.isin(np.arange(1500), keep)), dropped=0, t=None)
+    left = table.keep(np.isin(np.arange(1500), keep))
+    cut = replace(left, dropped=0, t=None, index=COUNTED_ANEW)
     record = run(cut, rate_hz=125.0)
     assert "corrupt_rows" in codes(record) or "clock_mismatch" in codes(record)
 
@@ -293,7 +295,8 @@ def test_jump_without_return_is_reported() -> None:
 @pytest.mark.parametrize("lost", [1, 2, 3])
 def test_lost_rows_show_where_time_is_counted(lost: int) -> None:
     table = replace(raw(), t=None)
-    kept = replace(table.keep(~np.isin(np.arange(1500), np.arange(700, 700 + lost))), dropped=0)
+    kept = table.keep(~np.isin(np.arange(1500), np.arange(700, 700 + lost)))
+    kept = replace(kept, dropped=0, index=COUNTED_ANEW)
     assert "clock_mismatch" in codes(run(kept, rate_hz=125.0))
     assert codes(run(table, rate_hz=125.0)) == []
 

@@ -1,6 +1,5 @@
 """What every driver can do, and the watchdog that stops it."""
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -126,7 +125,7 @@ class Watchdog:
         self._slack = slack
         self._before: Cycle | None = None
         self._due = -1
-        self._way, self._patience = way, math.inf
+        self._way, self._patience = way, np.inf
         self._fastest = np.where(np.isnan(limits.velocity), np.inf, limits.velocity)
         self.gaps = 0
         """Control cycles that never arrived."""
@@ -161,7 +160,7 @@ class Watchdog:
         if self._way is None:
             return None
         target = cycle.target_q
-        if math.isinf(self._patience):
+        if np.isinf(self._patience):
             if len(self._way) == 1:
                 self._way = np.vstack([target, self._way])
             length = float(np.abs(np.diff(self._way, axis=0)).max(axis=1).sum())
@@ -183,7 +182,7 @@ class Watchdog:
         steps = (cycle.timestamp - before.timestamp) * self._rate
         if abs(steps - 1.0) <= _CLOCK:
             return None
-        if math.isfinite(steps):
+        if np.isfinite(steps):
             self.gaps += max(round(steps) - 1, 0)
         return Abort(
             "gap",
@@ -208,28 +207,20 @@ class Watchdog:
         outside = (q < limits.lower) | (q > limits.upper)
         if outside.any():
             j = int(np.argmax(outside))
-            return Abort(
-                "limit",
-                f"joint {j + 1} is at {q[j]:.4g} {units[j]}, outside {limits.lower[j]:.4g} to "
-                f"{limits.upper[j]:.4g}",
-            )
+            where = f"joint {j + 1} is at {q[j]:.4g} {units[j]}"
+            bounds = f"{limits.lower[j]:.4g} to {limits.upper[j]:.4g}"
+            return Abort("limit", f"{where}, outside {bounds}")
         # Asked this way round a velocity that is no number stops the robot too.
         fast = ~(np.abs(cycle.qd) <= self._fastest)
         if fast.any():
             j = int(np.argmax(fast))
-            return Abort(
-                "limit",
-                f"joint {j + 1} moves at {cycle.qd[j]:.4g} {units[j]}/s, above "
-                f"{limits.velocity[j]:.4g}",
-            )
+            speed = f"joint {j + 1} moves at {cycle.qd[j]:.4g} {units[j]}/s"
+            return Abort("limit", f"{speed}, above {limits.velocity[j]:.4g}")
         away = np.abs(q - cycle.target_q)
         if not (away <= limits.deviation).all():
             j = int(np.argmax(away / limits.deviation))
-            return Abort(
-                "deviation",
-                f"joint {j + 1} is {away[j]:.4g} {units[j]} away from its target, more than "
-                f"{limits.deviation[j]:.4g}",
-            )
+            where = f"joint {j + 1} is {away[j]:.4g} {units[j]} away from its target"
+            return Abort("deviation", f"{where}, more than {limits.deviation[j]:.4g}")
         return None
 
 

@@ -65,11 +65,9 @@ class SimulatedDriver(driver.Driver):
         progress: Progress | None = None,
     ) -> driver.Outcome:
         """See `Driver.execute`."""
-        setpoints = execution.setpoints()
-        if setpoints.shape[1] != self.arm.robot.joints:
-            raise InputError(
-                "joints of the motion", value=setpoints.shape[1], limit=self.arm.robot.joints
-            )
+        setpoints, joints = execution.setpoints(), self.arm.robot.joints
+        if setpoints.shape[1] != joints:
+            raise InputError("joints of the motion", value=setpoints.shape[1], limit=joints)
         plant = SimulatedPlant(
             self.arm, rate_hz=execution.rate_hz, thermal=self._temperature, pose=setpoints[0]
         )
@@ -79,9 +77,8 @@ class SimulatedDriver(driver.Driver):
         samples = k = 0
         for k in range(execution.total):
             state = plant.tick(setpoints[k % execution.cycles])
-            cycle = driver.Cycle(
-                timestamp=state.t, index=k, q=state.q, qd=state.dq, target_q=state.target.q
-            )
+            aim = state.target.q
+            cycle = driver.Cycle(timestamp=state.t, index=k, q=state.q, qd=state.dq, target_q=aim)
             abort = watchdog.see(cycle)
             if recorder is not None and k >= execution.first_recorded:
                 block.append(state)
@@ -100,9 +97,8 @@ class SimulatedDriver(driver.Driver):
                 break
         self.rest = _stop(plant, setpoints[k % execution.cycles], execution.rate_hz)
         self._temperature = plant.temperature
-        return driver.Outcome(
-            samples=samples, periods=samples // execution.cycles, gaps=0, abort=abort
-        )
+        periods = samples // execution.cycles
+        return driver.Outcome(samples=samples, periods=periods, gaps=0, abort=abort)
 
     def _record(
         self, recorder: driver.Recorder, block: list[PlantState], samples: int, rate_hz: float

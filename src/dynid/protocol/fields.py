@@ -66,7 +66,7 @@ _FIRST_E_SERIES, _POLYSCOPE_X = 5, 10
 _IN_X: dict[Version, Version] = {(5, 23, 0): (10, 11, 0)}
 """Software of the e-Series, and the release of PolyScope X that came with it."""
 _RTDE: tuple[Version, Version] = ((3, 0, 0), (5, 0, 0))
-_REGISTERS, _UPPER_REGISTERS = ((3, 4, 0), (5, 0, 0)), ((3, 9, 0), (5, 3, 0))
+_REGISTERS, _UPPER = ((3, 4, 0), (5, 0, 0)), ((3, 9, 0), (5, 3, 0))
 _ALWAYS: dict[DataType, str] = {
     DataType.DOUBLE: """timestamp actual_execution_time speed_scaling target_speed_fraction
         actual_momentum actual_main_voltage actual_robot_voltage actual_robot_current
@@ -131,16 +131,12 @@ _COUNT, _LOWER = 48, 24
 
 def _registers(side: str) -> list[Field]:
     """The general purpose registers of one side, `input` or `output`."""
-    found = [
-        Field(f"{side}_bit_registers{bits}", DataType.UINT32, *_RTDE)
-        for bits in ("0_to_31", "32_to_63")
-    ]
-    found += [
-        Field(f"{side}_bit_register_{k}", DataType.BOOL, *_UPPER_REGISTERS) for k in range(64, 128)
-    ]
+    words = (f"{side}_bit_registers{bits}" for bits in ("0_to_31", "32_to_63"))
+    found = [Field(word, DataType.UINT32, *_RTDE) for word in words]
+    found += [Field(f"{side}_bit_register_{k}", DataType.BOOL, *_UPPER) for k in range(64, 128)]
     for kind, type_ in (("int", DataType.INT32), ("double", DataType.DOUBLE)):
         for k in range(_COUNT):
-            since = _REGISTERS if k < _LOWER else _UPPER_REGISTERS
+            since = _REGISTERS if k < _LOWER else _UPPER
             found.append(Field(f"{side}_{kind}_register_{k}", type_, *since))
     return found
 
@@ -207,9 +203,8 @@ class Recipe:
                 value=f"{len(types)} types",
                 limit=f"{len(names)} variables",
             )
-        bad = [
-            f"{name} {kind}" for name, kind in zip(names, types, strict=True) if kind not in TYPES
-        ]
+        pairs = zip(names, types, strict=True)
+        bad = [f"{name} {kind}" for name, kind in pairs if kind not in TYPES]
         if bad:
             raise ProtocolError(
                 "the controller refuses variables",
@@ -247,11 +242,9 @@ class Recipe:
             ProtocolError: A payload of another size or another recipe.
         """
         if len(payload) != self.size:
-            raise ProtocolError(
-                "a data package has not the size of its recipe",
-                value=f"{len(payload)} bytes",
-                limit=f"{self.size} bytes",
-            )
+            given, size = f"{len(payload)} bytes", f"{self.size} bytes"
+            what = "a data package has not the size of its recipe"
+            raise ProtocolError(what, value=given, limit=size)
         if self.number is not None and payload[0] != self.number:
             raise ProtocolError(
                 "a data package belongs to another recipe", value=payload[0], limit=self.number

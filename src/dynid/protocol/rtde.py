@@ -256,11 +256,8 @@ def read_text_message(payload: bytes, protocol: int) -> TextMessage:
 
 def _fixed(layout: struct.Struct, payload: bytes, what: str) -> tuple[int, ...]:
     if len(payload) != layout.size:
-        raise ProtocolError(
-            f"{what} has the wrong size",
-            value=f"{len(payload)} bytes",
-            limit=f"{layout.size} bytes",
-        )
+        given, size = f"{len(payload)} bytes", f"{layout.size} bytes"
+        raise ProtocolError(f"{what} has the wrong size", value=given, limit=size)
     return layout.unpack(payload)
 
 

@@ -441,8 +441,5 @@ def _read(file: bytes) -> dict[str, Any]:
         # So it says that a variable cannot be read.
         warnings.simplefilter("error", library.MatReadWarning)
         found: dict[str, Any] = library.loadmat(BytesIO(file))
-    return {
-        name: value
-        for name, value in found.items()
-        if isinstance(value, np.ndarray) and not name.startswith("__")
-    }
+    own = {name: value for name, value in found.items() if not name.startswith("__")}
+    return {name: value for name, value in own.items() if isinstance(value, np.ndarray)}

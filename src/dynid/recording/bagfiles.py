@@ -6,7 +6,6 @@ recording give their messages here.
 """
 
 import io
-import operator
 import shutil
 import struct
 import tempfile
@@ -53,7 +52,7 @@ class Topic:
 class Catalog:
     """The topics of a bag's files, and what is found while they are read."""
 
-    wanted: Callable[[Topic], bool] = operator.attrgetter("is_joint_state")
+    wanted: Callable[[Topic], bool] = lambda topic: topic.is_joint_state
     """Whose messages are yielded."""
     topics: dict[str, Topic] = field(default_factory=dict[str, Topic])
     findings: list[Finding] = field(default_factory=list[Finding])
@@ -108,10 +107,8 @@ def db3_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
                     break
                 last, step = last + step, step * 2
         if resumes or _is_short(path):
-            catalog.report(
-                "truncated_file",
-                f"{path.name} is damaged or cut off; the messages that can be read are taken",
-            )
+            text = f"{path.name} is damaged or cut off; the messages that can be read are taken"
+            catalog.report("truncated_file", text)
 
 
 def _topics(database: "sqlite3.Connection", path: Path, catalog: Catalog) -> dict[int, str]:
@@ -142,12 +139,8 @@ def _require_table(database: "sqlite3.Connection", name: str, path: Path) -> Non
     computed = database.execute(f"SELECT 1 FROM pragma_table_xinfo('{name}') WHERE hidden != 0")
     for kind, sql in kinds:
         if kind != "table" or "VIRTUAL" in str(sql).upper()[:40] or computed.fetchone():
-            raise RecordError(
-                f"'{name}' is no plain table, so this is no ROS 2 bag",
-                where=path.name,
-                value=kind,
-                next_step=_NO_BAG,
-            )
+            what = f"'{name}' is no plain table, so this is no ROS 2 bag"
+            raise RecordError(what, where=path.name, value=kind, next_step=_NO_BAG)
 
 
 def _definitions(database: "sqlite3.Connection") -> dict[str, tuple[str, str]]:
@@ -155,11 +148,8 @@ def _definitions(database: "sqlite3.Connection") -> dict[str, tuple[str, str]]:
     query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
     with suppress(database.Error, OverflowError):
         rows = database.execute(query).fetchall()
-        return {
-            str(kind): (str(language), str(text))
-            for kind, language, text in rows
-            if language in DEFINITION_LANGUAGES
-        }
+        known = [row for row in rows if row[1] in DEFINITION_LANGUAGES]
+        return {str(kind): (str(language), str(text)) for kind, language, text in known}
     return {}
 
 
@@ -304,15 +294,7 @@ _KINDS = (_MESSAGE, _CHUNK, _CONNECTION)
 
 
 def ros1_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
-    """The wanted messages in the order in which they were written.
-
-    Args:
-        path: The `.bag` file.
-        catalog: Says which topics are wanted; gets all topics, and a notice for each kind of
-            damage.
-
-    Yields:
-        Topic, receive time [ns] and bytes.
+    """The wanted messages of a `.bag` file, in the order in which they were written.
 
     Raises:
         MissingExtraError: A bag compressed by lz4 without the decompressor.

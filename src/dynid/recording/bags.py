@@ -12,15 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dynid.core import Array, RecordError, UnclearRecordError, printable
-from dynid.recording import bagfiles, content, headers
+from dynid.recording import bagfiles, columns, content, headers
 from dynid.recording.bagfiles import Catalog, Topic
-from dynid.recording.columns import assign
 from dynid.recording.messages import MessageDecoder, MessageError, Messages
 from dynid.recording.names import TARGET
-from dynid.recording.table import TORQUE_SOURCES, RawTable, ReadOptions
+from dynid.recording.table import TORQUE_SOURCES, RawTable, ReadOptions, Rows
 
 _SUFFIXES = (".db3", ".mcap", ".bag", ".db3.zstd", ".mcap.zstd")
 _RECORD = "Record the robot's /joint_states topic."
@@ -48,9 +46,7 @@ class _Collector:
     """Number of the first of them."""
     groups: dict[_Names, Messages] = field(default_factory=dict[_Names, Messages])
     """The names of their numbers to the messages that have these."""
-    _forms: dict[Any, tuple[Messages, list[int]]] = field(
-        default_factory=dict[Any, tuple[Messages, list[int]]]
-    )
+    _forms: dict[Any, tuple[Messages, list[int]]] = field(default_factory=dict[Any, Any])
 
     def add(self, receive_ns: int, data: bytes) -> None:
         """Take one message; a damaged one is counted."""
@@ -98,7 +94,7 @@ class _Collector:
                 )
         return best
 
-    def columns(self, names: Sequence[str], needed: set[str]) -> tuple[Array, NDArray[np.int64]]:
+    def columns(self, names: Sequence[str], needed: set[str]) -> tuple[Array, Rows]:
         """Numbers (N, k) of the messages that have those needed, and their `times`.
 
         Others that a message lacks are NaN.
@@ -192,11 +188,9 @@ def _choose_by_fields(
 
 
 def _unclear(topics: list[str], first: str) -> RecordError:
-    return UnclearRecordError(
-        f"{len(topics)} topics can be the robot's state",
-        value=topics,
-        next_step=f"Choose one, for example --topic {first}.",
-    )
+    what = f"{len(topics)} topics can be the robot's state"
+    step = f"Choose one, for example --topic {first}."
+    return UnclearRecordError(what, value=topics, next_step=step)
 
 
 def _first_of(paths: Sequence[Path], topics: Sequence[Topic]) -> list[tuple[Topic, _Names]]:
@@ -282,16 +276,14 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: content.Budget) ->
         chosen, names = _choose_by_fields(paths, asked, joints, given=topic is not None)
         collector = None
     with _of_topic(chosen):
-        found = assign(names, options.columns, len(names), joints)
+        found = columns.assign(names, options.columns, len(names), joints)
     if options.columns is None:
         # The messages' own stamps are the clock.
         found = replace(found, clocks=())
         if states and not {*TORQUE_SOURCES} & {*found.columns}:
             raise _no_efforts(chosen, known)
-    taken = sorted(
-        {k for cols in found.columns.values() for k in cols}
-        | {k for clock in found.clocks for k in clock.columns}
-    )
+    clocks = {k for clock in found.clocks for k in clock.columns}
+    taken = sorted(clocks.union(*found.columns.values()))
     kept = [names[k] for k in taken]
     if collector is None:
         catalog = Catalog(wanted=lambda item: item.name == chosen.name)
@@ -310,12 +302,9 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: content.Budget) ->
     if table.t is None:
         table = replace(table, **_clock_facts(times))
     own = tuple(_joint(names[k]) for k in found.columns["q"])
-    table = replace(
-        table,
-        columns={},
-        joint_names=own if all(own) else table.joint_names,
-        notices=(*catalog.findings, *table.notices),
-    )
+    named = own if all(own) else table.joint_names
+    notices = (*catalog.findings, *table.notices)
+    table = replace(table, columns={}, joint_names=named, notices=notices)
     if len(known) > 1:
         table = table.note(f"topic {printable(chosen.name)} ({printable(chosen.kind)})")
     if collector.damaged:
@@ -340,7 +329,7 @@ def _no_efforts(chosen: Topic, topics: Mapping[str, Topic]) -> RecordError:
     )
 
 
-def _clock_facts(times: NDArray[np.int64]) -> dict[str, Any]:
+def _clock_facts(times: Rows) -> dict[str, Any]:
     """Time of a raw table, from the `times` of messages (3, N).
 
     Drivers leave headers empty: then the times of arrival are the clock.

@@ -146,19 +146,12 @@ def count(cells: list[str], decimal: str = ".") -> tuple[int, int]:
 
 def is_name(cell: str) -> bool:
     """Whether a cell can be a column name: it starts with a letter and is no number."""
-    return (
-        bool(_NAME.match(cell))
-        and not is_missing(cell)
-        and not is_number(cell)
-        and not is_stamp(cell)
-    )
+    return bool(_NAME.match(cell)) and not (is_missing(cell) or is_number(cell) or is_stamp(cell))
 
 
 def split(line: str, delimiter: str) -> list[str]:
     """The cells of a line; a blank delimiter stands for any run of blanks."""
-    if delimiter == " ":
-        return line.split()
-    return line.split(delimiter)
+    return line.split(None if delimiter == " " else delimiter)
 
 
 def decimals(cell: str) -> int:

@@ -5,15 +5,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from dynid.core import Finding, RecordError, printable
-from dynid.recording import cells, headers, records
+from dynid.recording import cells, headers, records, table
 from dynid.recording.names import parse_name
-from dynid.recording.table import Clock
 
 QUANTITIES = ("t", *records.JOINT_QUANTITIES)
 _RANGE = re.compile(r"(\d{1,6}):(\d{1,6})")
-_EXAMPLE = (
-    "Write it like t=0,q=1:7,qd=7:13,current=13:19 (six joints; from 0, ranges exclude their end)."
-)
+_EXAMPLE = "Write t=0,q=1:7,qd=7:13,current=13:19 (six joints; from 0, ranges exclude their end)."
 
 
 def parse_columns(spec: str | Mapping[str, str]) -> dict[str, str]:
@@ -23,18 +20,14 @@ def parse_columns(spec: str | Mapping[str, str]) -> dict[str, str]:
         RecordError: An item without `=`, an unknown quantity, or one named twice.
     """
     if isinstance(spec, Mapping):
-        items = [(str(name), str(value)) for name, value in spec.items()]
+        items = [f"{name}={value}" for name, value in spec.items()]
     else:
-        parts = filter(None, (part.strip() for part in re.split(r",(?![^\[]*\])", spec)))
-        items = list[tuple[str, str]]()
-        for part in parts:
-            name, equals, value = part.partition("=")
-            if not equals:
-                raise _wrong(part, "has no '='")
-            items.append((name, value))
+        items = re.split(r",(?![^\[]*\])", spec)
     result: dict[str, str] = {}
-    for name, value in items:
-        quantity, selector = name.strip(), value.strip()
+    for item in filter(None, map(str.strip, items)):
+        quantity, equals, selector = map(str.strip, item.partition("="))
+        if not equals:
+            raise _wrong(item, "has no '='")
         if quantity not in QUANTITIES:
             raise _wrong(f"{quantity}={selector}", "names an unknown quantity", QUANTITIES)
         if quantity in result or not selector:
@@ -106,9 +99,8 @@ def _named(item: str, name: str, names: Sequence[str] | None) -> list[int]:
 
 
 def _wrong(item: str, why: str, limit: object = None) -> RecordError:
-    return RecordError(
-        f"columns: item {printable(item, 120)!r} {why}", limit=limit, next_step=_EXAMPLE
-    )
+    text = f"columns: item {printable(item, 120)!r} {why}"
+    return RecordError(text, limit=limit, next_step=_EXAMPLE)
 
 
 def assign(
@@ -128,11 +120,11 @@ def assign(
         notes = (*match.notes, *conversions(match.factors))
         return replace(match, columns=signals, notes=notes)
     mapping = {name: select(name, value, width, names) for name, value in columns.items()}
-    clocks: tuple[Clock, ...] = ()
+    clocks: tuple[table.Clock, ...] = ()
     if time := mapping.pop("t", None):
-        scale = parse_name(names[time[0]]).time_scale if names and len(time) == 1 else None
         label = names[time[0]] if names else f"column {time[0]}"
-        clocks = (Clock(columns=tuple(time), scale=1.0 if len(time) == 2 else scale, label=label),)
+        scale = 1.0 if len(time) == 2 else parse_name(label).time_scale if names else None
+        clocks = (table.Clock(columns=tuple(time), scale=scale, label=label),)
     if names is None:
         return headers.Match(columns=mapping, clocks=clocks)
     named = {q: _joints_of([names[k] for k in cols], joints) for q, cols in mapping.items()}
@@ -141,11 +133,8 @@ def assign(
         headers.require_one_order(quantity, numbers, named[quantity], own, joints)
     if own:
         # Each quantity in the joint order of q, where both tell their joints.
-        mapping |= {
-            q: [cols[named[q].index(joint)] for joint in own]
-            for q, cols in mapping.items()
-            if set(named[q]) == set(own)
-        }
+        alike = [q for q in mapping if set(named[q]) == set(own)]
+        mapping |= {q: [mapping[q][named[q].index(joint)] for joint in own] for q in alike}
     factors: dict[str, tuple[float, ...]] = {}
     said: set[str] = set()
     notices: list[Finding] = []

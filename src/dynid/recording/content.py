@@ -11,7 +11,6 @@ from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from dynid.core import DynidError, InputError, MissingExtraError, RecordError, require
@@ -121,7 +120,7 @@ def _stream(decompressor: Any, data: bytes, limit: int) -> bytes:
     return result
 
 
-def zstd_module() -> ModuleType:
+def zstd_module() -> Any:
     """Python's own zstd, or the package that brings it to older Pythons.
 
     Raises:

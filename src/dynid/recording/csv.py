@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.core import Finding, RecordError, UnclearRecordError
+from dynid.core import Finding, Mask, RecordError, UnclearRecordError
 from dynid.recording.cells import example_columns, split
 from dynid.recording.columns import assign
 from dynid.recording.content import Budget
 from dynid.recording.dialect import Dialect, line_blocks, sniff
 from dynid.recording.grid import Grid, read_grid
 from dynid.recording.names import OTHER, TARGET, TARGET_OF, parse_name, plainly, quantity_of
-from dynid.recording.table import Mask, RawTable, ReadOptions, at_times, rises, rows_with
+from dynid.recording.table import RawTable, ReadOptions, at_times, rises, rows_with
 
 _FARTHEST = 1.5
 """Steps between two rows of a file, across which it is still read between them."""
@@ -103,11 +103,9 @@ def paste(sheets: list[Sheet], wanted: list[int], soft: frozenset[int]) -> Grid:
     if max(lengths) > shortest:
         broken = sum(grid.broken for grid in grids)
         if broken or max(lengths) > 1.2 * shortest:
-            raise RecordError(
-                "the files do not have the same number of rows",
-                value=lengths,
-                next_step="Give files that were recorded together, without broken lines.",
-            )
+            step = "Give files that were recorded together, without broken lines."
+            what = "the files do not have the same number of rows"
+            raise RecordError(what, value=lengths, next_step=step)
         notices.append(
             Finding(
                 "truncated_file",
@@ -221,15 +219,12 @@ def names_by_files(
         return None
     names: list[str] = []
     for number, (word, width) in enumerate(zip(words, widths, strict=True)):
-        clock = clocks[number] if clocks else -1
-        count = 0
-        for k in range(width):
-            if k == clock:
-                names.append("time" if number == 0 else f"file{number}/time")
-                continue
-            single = width - bool(clocks) == 1
-            names.append("" if not told[number] else word if single else f"{word}[{count}]")
-            count += 1
+        count = width - bool(clocks)
+        own = [word] if count == 1 else [f"{word}[{k}]" for k in range(count)]
+        own = own if told[number] else [""] * count
+        if clocks:
+            own.insert(clocks[number], "time" if number == 0 else f"file{number}/time")
+        names += own
     return tuple(names)
 
 
@@ -354,10 +349,8 @@ def _read(tables: list[Dialect], options: ReadOptions) -> RawTable:
         written = {" ": "ur-csv", ",": "ur-rtde-csv"}.get(sheets[0].dialect.delimiter, "csv")
         format = written if of_ur else "csv"
     elif format != "csv" and not of_ur:
-        raise UnclearRecordError(
-            f"the header is not that of a {format} file",
-            next_step="Use --format csv, with --columns where needed.",
-        )
+        step = "Use --format csv, with --columns where needed."
+        raise UnclearRecordError(f"the header is not that of a {format} file", next_step=step)
     times = {k for clock in found.clocks for k in clock.columns}
     main = {k for cols in found.columns.values() for k in cols}
     # The one clock there is must be sound on every row; of several, some may be empty.
@@ -386,11 +379,7 @@ def _read(tables: list[Dialect], options: ReadOptions) -> RawTable:
         channels={name: values[:, position[k]] for k, name in extras.items()},
         reported=pasted.reported,
     )
-    return replace(
-        table,
-        notices=(*table.notices, *pasted.notices),
-        notes=(*notes, *table.notes),
-    )
+    return replace(table, notices=(*table.notices, *pasted.notices), notes=(*notes, *table.notes))
 
 
 def _says_anything(names: tuple[str, ...] | None) -> bool:
@@ -442,11 +431,8 @@ def _channels(
     """Columns kept as channels: numeric, named once, not mapped, and not too many."""
     if names is None or len(sheets) > 1:
         return {}
-    free = [
-        k
-        for k in range(width)
-        if k not in taken and k in sheets[0].dialect.numeric and names.count(names[k]) == 1
-    ]
+    numeric = sorted(sheets[0].dialect.numeric - taken)
+    free = [k for k in numeric if names.count(names[k]) == 1]
     size = sheets[0].dialect.path.stat().st_size
     cells = size // max(6 * width, 1) * len(free)
     if len(free) > _MAX_CHANNELS or cells > _MAX_CHANNEL_CELLS:

@@ -236,11 +236,8 @@ def _delimiter_of(given: str | None) -> str | None:
         return None
     delimiter = _WORDS.get(given.strip().lower(), given) if given != "\t" else given
     if len(delimiter) != 1 or delimiter.isalnum() or delimiter in "\n\r.+-\"'":
-        raise RecordError(
-            "the delimiter must be one character",
-            value=given,
-            limit="a character, or comma, semicolon, tab, space",
-        )
+        words = "a character, or comma, semicolon, tab, space"
+        raise RecordError("the delimiter must be one character", value=given, limit=words)
     return delimiter
 
 
@@ -266,11 +263,8 @@ def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
         lines = written
     best, sign, width = _best(lines[:_SCORED], DELIMITERS if given is None else (given,))
     if width == 0:
-        raise UnclearRecordError(
-            "there are no rows of numbers",
-            where=path.name,
-            next_step="Check the file, or name its --delimiter.",
-        )
+        step = "Check the file, or name its --delimiter."
+        raise UnclearRecordError("there are no rows of numbers", where=path.name, next_step=step)
     if width > MAX_COLUMNS:
         raise RecordError("too many columns", where=path.name, value=width, limit=MAX_COLUMNS)
     first = _first_row(lines, best, sign, header, width)
@@ -287,9 +281,7 @@ def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
     if names is None and header is None and misfit == 0 and whole:
         names = _echoed_names(whole[0])
     stamps = frozenset(k for k in range(width) if any(is_stamp(cells[k]) for cells in whole[:5]))
-    numeric = frozenset(
-        k for k in range(width) if any(is_number(cells[k], sign) for cells in whole)
-    )
+    numeric = frozenset(k for k in range(width) if any(is_number(row[k], sign) for row in whole))
     named = _joints_named(names, whole[0] if whole else ())
     return Dialect(
         path=path,

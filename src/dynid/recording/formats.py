@@ -106,11 +106,8 @@ def _write_sheet(path: Path, target: Path) -> None:
         names: list[str] = book.sheet_names
         full = [sheet for sheet in map(book.get_sheet_by_name, names) if _has_numbers(sheet)]
         if len(full) != 1:
-            raise RecordError(
-                f"the workbook has {len(full) or 'no'} sheets of numbers",
-                value=names[:20],
-                next_step=_AS_CSV,
-            )
+            what = f"the workbook has {len(full) or 'no'} sheets of numbers"
+            raise RecordError(what, value=names[:20], next_step=_AS_CSV)
         with target.open("w", encoding="utf-8") as sink:
             for row in full[0].iter_rows():
                 sink.write("\t".join(map(_cell, row)).rstrip("\t") + "\n")
@@ -151,37 +148,24 @@ def _opened(file: Path, kind: str) -> IO[bytes]:
         return require({"gzip": "gzip", "bzip2": "bz2", "xz": "lzma"}[kind]).open(file)
     archive = zipfile.ZipFile(file)
     # macOS adds a folder of its own notes on each file.
-    mac = "__MACOSX/"
-    members = [
-        item for item in archive.infolist() if not item.is_dir() and mac not in item.filename
-    ]
+    files = [item for item in archive.infolist() if not item.is_dir()]
+    members = [item for item in files if "__MACOSX/" not in item.filename]
+    step = f"Unpack it first: unzip {file.name}"
     if len(members) != 1:
         raise RecordError(
             "the zip archive holds several files",
             where=file.name,
             value=[item.filename for item in members][:10],
-            next_step=f"Unpack it first: unzip {file.name}",
+            next_step=step,
         )
     if members[0].flag_bits & _ENCRYPTED:
-        raise RecordError(
-            "the zip archive has a password",
-            where=file.name,
-            next_step=f"Unpack it first: unzip {file.name}",
-        )
+        raise RecordError("the zip archive has a password", where=file.name, next_step=step)
     return archive.open(members[0])
 
 
 FORMATS = (
-    "ur-csv",
-    "ur-rtde-csv",
-    "csv",
-    "rosbag",
-    "mcap",
-    "mat",
-    "npz",
-    "hdf5",
-    "json",
-    "parquet",
+    *("ur-csv", "ur-rtde-csv", "csv"),
+    *("rosbag", "mcap", "mat", "npz", "hdf5", "json", "parquet"),
 )
 PACKED = "packed"
 """What `content_kind` calls a compressed file."""

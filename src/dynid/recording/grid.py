@@ -1,15 +1,14 @@
 """Numbers of a text table: fast where the file is sound, cell by cell where it is not."""
 
-import math
 from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynid.core import Array, Finding, RecordError, printable
+from dynid.core import Array, Finding, Mask, RecordError, printable
 from dynid.recording.cells import decimals, is_missing, number, split, stamp
 from dynid.recording.dialect import COMMENT, Dialect, line_blocks
-from dynid.recording.table import Mask, Rows
+from dynid.recording.table import Rows
 
 
 def _moment(cell: str, decimal: str = ".") -> float:
@@ -36,7 +35,7 @@ def _is_cut(line: str, before: list[str], dialect: Dialect) -> bool:
     except ValueError:
         return True
     others = others[np.isfinite(others)]
-    if len(others) < 3 or not math.isfinite(value):
+    if len(others) < 3 or not np.isfinite(value):
         return False
     spread = float(others.max() - others.min())
     plausible = others.min() - spread <= value <= others.max() + spread
@@ -106,13 +105,9 @@ class _Draft:
         )
         if width + 1 in counts:
             # Some lines of a file may end with a delimiter where others do not.
-            more = [
-                count == width + 1 and line.endswith(delimiter)
-                for count, (_, line) in zip(counts, chunk, strict=True)
-            ]
-            chunk = [
-                (k, line[:-1] if m else line) for m, (k, line) in zip(more, chunk, strict=True)
-            ]
+            both = zip(counts, chunk, strict=True)
+            more = [count == width + 1 and x.endswith(delimiter) for count, (_, x) in both]
+            chunk = [(k, x[:-1] if m else x) for m, (k, x) in zip(more, chunk, strict=True)]
             counts = [count - m for m, count in zip(more, counts, strict=True)]
         if not self.run and all(count == width for count in counts):
             values = self._fast([line for _, line in chunk])
@@ -244,11 +239,8 @@ def read_grid(dialect: Dialect, wanted: list[int], soft: frozenset[int] = frozen
     if not draft.rows:
         raise RecordError("there are no rows of numbers", where=name)
     if draft.bad:
-        text = (
-            f"{len(draft.bad)} of {len(draft.rows)} rows of {name} cannot be read; first: "
-            f"{draft.first}"
-        )
-        notices.insert(0, Finding("corrupt_rows", text))
+        text = f"{len(draft.bad)} of {len(draft.rows)} rows of {name} cannot be read"
+        notices.insert(0, Finding("corrupt_rows", f"{text}; first: {draft.first}"))
     if strangers:
         text = f"{strangers} rows of {name} name other joints than its first row"
         notices.append(Finding("dropped_rows", text))

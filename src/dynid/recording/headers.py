@@ -1,17 +1,14 @@
 """Find the quantities in a header: columns that belong together, and which are meant."""
 
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from dynid.core import Array, Finding, RecordError, UnclearRecordError, printable
-from dynid.recording.cells import example_columns, factors_of, refuse_unit
+from dynid.recording import cells, table
 from dynid.recording.names import OTHER, TARGET, Name, parse_name, split_joint, words_of
-from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, Clock, RawTable, find_clocks, stamps_of
 
 
 @dataclass(slots=True, kw_only=True)
@@ -65,10 +62,8 @@ class Family:
                 next_step="Check the header, or name the columns with --columns.",
             )
         if len(found) > 1 and not self.joints:
-            raise UnclearRecordError(
-                f"{len(found)} columns are called {printable(names[found[0]])!r}",
-                next_step="Choose them with --columns.",
-            )
+            what = f"{len(found)} columns are called {printable(names[found[0]])!r}"
+            raise UnclearRecordError(what, next_step="Choose them with --columns.")
         return found, self.joints
 
     def _numbered(self) -> list[int] | None:
@@ -157,7 +152,7 @@ def _choose(
         home = chosen["q"].scope if "q" in chosen else None
         ranked = sorted(families[quantity], key=lambda family: _order(family, home))
         tied = [family for family in ranked if _order(family, home) == _order(ranked[0], home)]
-        if len(tied) > 1 and quantity in ("q", *TORQUE_SOURCES):
+        if len(tied) > 1 and quantity in ("q", *table.TORQUE_SOURCES):
             columns = {
                 name: [column for _, column in family.members]
                 for name in ("q", "qd", "effort", "current")
@@ -174,7 +169,7 @@ def _choose(
             others = ", ".join(repr(family.label) for family in ranked[1:6])
             notes.append(f"{quantity} is read from {ranked[0].label!r}, not from {others}")
     like = [family for family in families.get("", []) if _is_torque_like(family)]
-    if like and "q" in chosen and not set(TORQUE_SOURCES) & set(chosen):
+    if like and "q" in chosen and not set(table.TORQUE_SOURCES) & set(chosen):
         if len(like) > 1:
             sets = {name: chosen[name] for name in ("q", "qd") if name in chosen}
             sets["effort"] = like[0]
@@ -190,17 +185,15 @@ def _choose(
         chosen["effort" if torque else "current"] = like[0]
         notes.append(f"the only torque-like columns are {stem!r}; they are taken")
     elif like:
-        kept = [chosen[name].label for name in TORQUE_SOURCES if name in chosen]
-        notes.append(
-            f"torques are read from {' and '.join(map(repr, kept))}; not used: "
-            + ", ".join(repr(family.label) for family in like[:8])
-        )
+        kept = [repr(chosen[name].label) for name in table.TORQUE_SOURCES if name in chosen]
+        unused = ", ".join(repr(family.label) for family in like[:8])
+        notes.append(f"torques are read from {' and '.join(kept)}; not used: {unused}")
     return chosen, notes
 
 
 def _advice(family: Family, columns: Mapping[str, Sequence[int]], names: Sequence[str]) -> str:
     """What to type for one of several sets, with the time beside these columns."""
-    clocks = find_clocks(list(map(parse_name, names)), names, family.scope)
+    clocks = table.find_clocks(list(map(parse_name, names)), names, family.scope)
     time = {"t": clocks[0].columns} if clocks else {}
     option = spelled({**time, **columns})
     return f"Choose with --columns, for those of {family.label}: --columns {option}"
@@ -208,7 +201,7 @@ def _advice(family: Family, columns: Mapping[str, Sequence[int]], names: Sequenc
 
 def _is_torque_like(family: Family) -> bool:
     """Whether a name that no recorder is known for begins as a measured torque's does."""
-    words, around = (set(re.split(r"[._]", text)) for text in (family.base, family.scope))
+    words, around = (set(text.replace(".", "_").split("_")) for text in (family.base, family.scope))
     measured = not (_NOT_MEASURED & words or (OTHER | TARGET) & around)
     return measured and family.base.startswith(_TORQUE_STEMS)
 
@@ -234,7 +227,7 @@ class Match:
 
     columns: Mapping[str, list[int]]
     """Quantity to column numbers, joint by joint; `t` to those of the best clock."""
-    clocks: tuple[Clock, ...]
+    clocks: tuple[table.Clock, ...]
     """Columns of time, the best first."""
     factors: Mapping[str, tuple[float, ...]] = field(default_factory=dict[str, tuple[float, ...]])
     """Quantity to what each column is multiplied by, to be in SI units."""
@@ -254,7 +247,7 @@ class Match:
         moments: frozenset[int] = frozenset(),
         beside: tuple[str, ...] = (),
         **facts: Any,
-    ) -> RawTable:
+    ) -> table.RawTable:
         """The raw table of these columns, in SI units.
 
         `column` gives the (N) numbers of a column; `moments` are columns that were dates, in
@@ -262,9 +255,9 @@ class Match:
         `facts` are more of the table.
         """
         whole = len(beside) == len({*beside}) == len(self.columns["q"])
-        time = stamps_of(self.clocks, column, moments)
+        time = table.stamps_of(self.clocks, column, moments)
         notes = (*self.notes, *time.pop("notes"))
-        return RawTable(
+        return table.RawTable(
             signals={
                 name: np.column_stack([column(k) for k in numbers])
                 * np.array(self.factors.get(name, (1.0,)))
@@ -294,7 +287,7 @@ def match_headers(names: Sequence[str], joints: Sequence[str] = ()) -> Match:
     families = _families(names, joints)
     chosen, notes = _choose(families, names)
     scope = chosen["q"].scope if "q" in chosen else ""
-    clocks = tuple(find_clocks([parse_name(text) for text in names], names, scope))
+    clocks = tuple(table.find_clocks([parse_name(text) for text in names], names, scope))
     columns: dict[str, list[int]] = {}
     factors: dict[str, tuple[float, ...]] = {}
     said: set[str] = set()
@@ -312,9 +305,9 @@ def match_headers(names: Sequence[str], joints: Sequence[str] = ()) -> Match:
                 found = [found[named.index(joint)] for joint in joint_names]
             require_one_order(quantity, found, named, joint_names, joints)
             units = [family.unit_of(column) for column in found]
-            known, at = factors_of(quantity, units)
+            known, at = cells.factors_of(quantity, units)
             if at is not None:
-                raise refuse_unit(quantity, units[at], names[found[at]], len(found))
+                raise cells.refuse_unit(quantity, units[at], names[found[at]], len(found))
             width = len(columns.get("q", found))
             if len(found) != width:
                 raise UnclearRecordError(
@@ -322,7 +315,7 @@ def match_headers(names: Sequence[str], joints: Sequence[str] = ()) -> Match:
                     next_step="Check the header, or name the columns with --columns.",
                 )
         except RecordError as error:
-            if quantity in ESSENTIAL:
+            if quantity in table.ESSENTIAL:
                 raise
             notes.append(f"{quantity} is left out: {error.what}")
             continue
@@ -333,7 +326,7 @@ def match_headers(names: Sequence[str], joints: Sequence[str] = ()) -> Match:
         raise NotRecognised(
             "no columns of positions are recognised",
             value=tuple(names)[:40],
-            next_step=f"Name them with --columns, for example {example_columns(len(joints))} "
+            next_step=f"Name them with --columns, for example {cells.example_columns(len(joints))} "
             "(currents [A]; torques are effort=).",
         )
     return Match(
@@ -382,7 +375,7 @@ def _families(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[Fam
     if joints:
         found = _collect(parse_name(text, joints) for text in names)
         wanted = {name.joint for joint in joints for name in [parse_name(joint, joints)]}
-        for family in chain.from_iterable(found.values()):
+        for family in [x for families in found.values() for x in families]:
             # Without the columns of other joints, as of a gripper.
             if set(family.joints) > wanted:
                 family.members = [item for item in family.members if item[0].joint in wanted]
@@ -394,12 +387,10 @@ def _families(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[Fam
     if any(family.whole for family in plainly.get("q", [])):
         return plainly
     split = _collect(split_joint(text) or parse_name(text) for text in names)
-    torques = [set(x.joints) for name in TORQUE_SOURCES for x in split.get(name, [])]
+    torques = [set(x.joints) for name in table.TORQUE_SOURCES for x in split.get(name, [])]
     # `q_raw` and `q_filtered` are no two joints; where torques have the same names, they are.
-    sure = any(
-        family.joints and any(set(family.joints) <= joints for joints in torques)
-        for family in split.get("q", [])
-    )
+    named = [set(family.joints) for family in split.get("q", []) if family.joints]
+    sure = any(own <= joints for own in named for joints in torques)
     return split if sure else plainly
 
 
@@ -408,12 +399,8 @@ def _take_bare(found: dict[str, list[Family]]) -> None:
 
     As `joint_1` beside `effort_1`, or `elbow_joint` beside `elbow_joint_effort`.
     """
-    torques = {len(x.members) for name in TORQUE_SOURCES for x in found.get(name, [])}
-    bare = [
-        family
-        for family in found.get("", [])
-        if not family.base and len(family.members) in torques
-        if not any(name.unit for name, _ in family.members)
-    ]
+    torques = {len(x.members) for name in table.TORQUE_SOURCES for x in found.get(name, [])}
+    nameless = [x for x in found.get("", []) if not x.base and len(x.members) in torques]
+    bare = [x for x in nameless if not any(name.unit for name, _ in x.members)]
     if bare and not found.get("q"):
         found["q"] = bare

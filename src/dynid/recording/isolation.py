@@ -23,16 +23,13 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dynid import core
-from dynid.recording.content import Budget
-from dynid.recording.records import ExperimentRecord, metadata_to_json
-from dynid.recording.table import RawTable, ReadOptions
+from dynid.recording import content, records, table
 
-Read = RawTable | ExperimentRecord
+Read = table.RawTable | records.ExperimentRecord
 """What files hold: a table to be repaired, or an own recording, which is complete."""
-Reader = Callable[[list[Path], ReadOptions, Budget], Read]
+Reader = Callable[[list[Path], table.ReadOptions, content.Budget], Read]
 _ERRORS: dict[str, type[core.DynidError]] = {
     kind.__name__: kind
     for kind in (
@@ -108,14 +105,14 @@ _lock = threading.Lock()
 _worker: list[_Worker] = []
 
 
-def read_isolated(files: Sequence[Path], options: ReadOptions) -> Read:
+def read_isolated(files: Sequence[Path], options: table.ReadOptions) -> Read:
     """Read the files of one recording within their budget.
 
     Raises:
         RecordError: Not a recording, or one that needs more than its budget.
         MissingExtraError: A format whose extra is not installed.
     """
-    budget, where = Budget.of(files), ", ".join(file.name for file in files)
+    budget, where = content.Budget.of(files), ", ".join(file.name for file in files)
     with tempfile.TemporaryDirectory(prefix="dynid-") as folder, _lock:
         request = {
             # A link has the name that says what is in the file, not what it points to.
@@ -161,13 +158,13 @@ def serve(read: Reader) -> None:
     clock = _CpuLimit()
     while line := source.readline():
         request = json.loads(line)
-        budget = Budget(**request["budget"])
+        budget = content.Budget(**request["budget"])
         tempfile.tempdir = request["folder"]
         _limit(budget)
         files = [Path(file) for file in request["files"]]
         clock.until_s = time.process_time() + budget.cpu_s
         try:
-            options = core.JsonFields(request["options"]).made(ReadOptions)
+            options = core.JsonFields(request["options"]).made(table.ReadOptions)
             _send(read(files, options, budget), answers)
         except core.DynidError as error:
             _refuse(error, answers)
@@ -201,19 +198,16 @@ class _CpuLimit:
         os.kill(os.getpid(), signal.SIGXCPU)
 
 
-def _limit(budget: Budget) -> None:
+def _limit(budget: content.Budget) -> None:
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
     space = pages * resource.getpagesize() + budget.memory_bytes
     used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
-    for kind, most in (
-        (resource.RLIMIT_AS, space),
-        (resource.RLIMIT_CPU, int(used + _TICKS * budget.cpu_s) + 1),
-    ):
+    cpu_s = int(used + _TICKS * budget.cpu_s) + 1
+    for kind, most in ((resource.RLIMIT_AS, space), (resource.RLIMIT_CPU, cpu_s)):
         # A batch system may have set a hard limit, which nobody but root may raise.
         hard = resource.getrlimit(kind)[1]
-        resource.setrlimit(
-            kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard)
-        )
+        limit = most if hard == resource.RLIM_INFINITY else min(most, hard)
+        resource.setrlimit(kind, (limit, hard))
 
 
 def _refuse(error: core.DynidError, answers: IO[bytes]) -> None:
@@ -225,23 +219,18 @@ def _refuse(error: core.DynidError, answers: IO[bytes]) -> None:
 
 
 def _send(found: Read, answers: IO[bytes]) -> None:
-    own = isinstance(found, ExperimentRecord)
+    own = isinstance(found, records.ExperimentRecord)
     arrays = {"t": found.t} if own else {name: getattr(found, name) for name in _ARRAYS}
     arrays |= {f"signals/{name}": value for name, value in found.signals.items()}
     arrays |= {f"channels/{name}": value for name, value in found.channels.items()}
-    there = {
-        name: np.ascontiguousarray(value) for name, value in arrays.items() if value is not None
-    }
+    there = {name: np.ascontiguousarray(x) for name, x in arrays.items() if x is not None}
     facts: dict[str, Any]
     if own:
-        facts = {"metadata": metadata_to_json(found.metadata)}
+        facts = {"metadata": records.metadata_to_json(found.metadata)}
         facts["problems"] = [notice.to_json() for notice in found.problems]
     else:
-        facts = {
-            item.name: getattr(found, item.name)
-            for item in fields(RawTable)
-            if item.name not in (*_ARRAYS, "index", "signals", "channels")
-        }
+        names = {item.name for item in fields(found)} - {*_ARRAYS, "index", "signals", "channels"}
+        facts = {name: getattr(found, name) for name in names}
         facts["said"] = sorted(found.said)
         facts["notices"] = [notice.to_json() for notice in found.notices]
     listed = [[name, value.dtype.str, value.shape] for name, value in there.items()]
@@ -260,7 +249,7 @@ def _unpack(answer: dict[str, Any], stream: IO[bytes]) -> Read | None:
         data = stream.read(size)
         if len(data) < size:
             return None
-        value: NDArray[Any] = np.frombuffer(data, dtype=dtype)
+        value: core.Array = np.frombuffer(data, dtype=dtype)
         value = value.reshape(tuple[int, ...](shape))
         group, slash, key = name.partition("/")
         if slash:
@@ -269,7 +258,8 @@ def _unpack(answer: dict[str, Any], stream: IO[bytes]) -> Read | None:
             known[name] = value
     facts, told = answer["facts"], "problems" if answer["own"] else "notices"
     known[told] = tuple(map(core.finding_from_json, facts[told]))
-    return core.JsonFields(facts).made(ExperimentRecord if answer["own"] else RawTable, **known)
+    kind = records.ExperimentRecord if answer["own"] else table.RawTable
+    return core.JsonFields(facts).made(kind, **known)
 
 
 def _current() -> _Worker:

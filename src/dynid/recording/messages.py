@@ -4,8 +4,6 @@ The decoder is that of rosbags. It compiles definitions to Python code; its gram
 but identifiers and literals into that code.
 """
 
-from __future__ import annotations
-
 import functools
 import re
 import struct
@@ -27,6 +25,7 @@ _MAX_DEPTH = 16
 _JOINT_LISTS = ("joint_names", "name", "names", "joint_name")
 _INTERFACES = "interface_names"
 _LISTS = frozenset({*_JOINT_LISTS, _INTERFACES})
+_BASIC = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 
 
 class MessageError(ValueError):
@@ -172,12 +171,7 @@ def _own_store(topic: bagfiles.Topic, kind: str, ros1: bool) -> Any:
         types = dict(typesys.get_types_from_msg(text.replace("\r\n", "\n"), kind))
     store = typesys.get_typestore(typesys.Stores.EMPTY)
     known = _store(ros1).fielddefs
-    basic = (
-        "std_msgs/msg/Header",
-        "builtin_interfaces/msg/Time",
-        "builtin_interfaces/msg/Duration",
-    )
-    store.register({**{name: known[name] for name in basic if name in known}, **types})
+    store.register({**{name: known[name] for name in _BASIC if name in known}, **types})
     return store
 
 
@@ -219,13 +213,13 @@ class Messages:
     It keeps numbers only, so an hour at 500 Hz fits in memory.
     """
 
-    number: array[int] = field(default_factory=lambda: array("q"))
+    number: "array[int]" = field(default_factory=lambda: array("q"))
     """Message number in the topic, from 1."""
-    stamp: array[int] = field(default_factory=lambda: array("q"))
+    stamp: "array[int]" = field(default_factory=lambda: array("q"))
     """Header stamps [ns]."""
-    receive: array[int] = field(default_factory=lambda: array("q"))
+    receive: "array[int]" = field(default_factory=lambda: array("q"))
     """Receive times [ns]."""
-    values: array[float] = field(default_factory=lambda: array("d"))
+    values: "array[float]" = field(default_factory=lambda: array("d"))
     """The fields of a message, message after message."""
 
     def add(self, number: int, stamp_ns: int, receive_ns: int, values: Iterable[float]) -> None:

@@ -60,7 +60,7 @@ _SYNONYMS: dict[str, str] = {
         "temperature_degc temperature_motor"
     ),
 }
-RANK: dict[str, tuple[str, int]] = {
+RANK = {
     word: (quantity, 100 * place)
     for quantity, words in _SYNONYMS.items()
     for place, word in enumerate(words.split())
@@ -125,10 +125,7 @@ CONTENT = words_of("data value values signals")
 _RANK_BY_UNIT = 30_000
 """Behind every name that says what it is."""
 TARGET_OF = {
-    "q": "target_q",
-    "qd": "target_qd",
-    "qdd": "target_qdd",
-    "current": "target_current",
+    **{name: f"target_{name}" for name in ("q", "qd", "qdd", "current")},
     "effort": "target_moment",
 }
 """A measured quantity to what was asked for."""
@@ -366,11 +363,8 @@ def _index(name: str) -> tuple[str, int | None]:
         return first.group(2), int(first.group(1))
     if within := _INDEX_WITHIN.match(name):
         base = plainly(f"{within.group(1)}_{within.group(3)}")
-        if (
-            quantity_of(base)
-            or quantity_of(plainly(within.group(1)))
-            or _unit_at_the_end(Name(base=base)).unit
-        ):
+        known = quantity_of(base) or quantity_of(plainly(within.group(1)))
+        if known or _unit_at_the_end(Name(base=base)).unit:
             return base, int(within.group(2))
     if (last := _INDEX_LAST.match(name)) and last.group(1):
         return last.group(1), int(last.group(2))
@@ -430,13 +424,8 @@ def places_of(wanted: Sequence[str], names: Sequence[str]) -> list[int]:
     joints, there = [plainly(joint) for joint in wanted], [plainly(name) for name in names]
     if not joints or len(set(there)) != len(there):
         return []
-    prefixes = [
-        {name[: len(name) - len(joint)] for name in there if name.endswith(joint)}
-        for joint in joints
-    ]
-    common = [
-        prefix for prefix in sorted(prefixes[0]) if all(prefix in other for other in prefixes)
-    ]
+    prefixes = [{x.removesuffix(joint) for x in there if x.endswith(joint)} for joint in joints]
+    common = sorted(prefixes[0].intersection(*prefixes))
     if len(common) != 1 and "" not in common:
         return []
     prefix = common[0]

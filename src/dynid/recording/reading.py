@@ -14,20 +14,15 @@ from typing import TypeVar, cast
 import numpy as np
 
 from dynid import core
-from dynid.recording import arrayfiles, content, formats, isolation, store, stored
-from dynid.recording.bags import bag_files, read_bag
+from dynid.recording import arrayfiles, bags, content, csv, formats, isolation, store, stored
 from dynid.recording.columns import parse_columns
-from dynid.recording.csv import are_one_run, read_csv
 from dynid.recording.records import ExperimentRecord, with_gains
-from dynid.recording.repair.joints import refuse_degrees
-from dynid.recording.repair.pipeline import repair
+from dynid.recording.repair import joints, pipeline
 from dynid.recording.table import RawTable, ReadOptions
 from dynid.robot import RobotLike, RobotModel, load_robot
 
 _ENDINGS = "csv txt tsv dat log mat npz npy h5 hdf5 json jsonl parquet feather arrow"
-_EXTENSIONS = tuple(
-    f".{ending}" for ending in f"{_ENDINGS} xlsx xls ods gz bz2 xz zst zstd zip".split()
-)
+_EXTENSIONS = tuple(f".{end}" for end in f"{_ENDINGS} xlsx xls ods gz bz2 xz zst zstd zip".split())
 
 
 _IN_MEMORY = "Numbers in memory: dynid.ExperimentRecord(t=T, signals={'q': Q, ...})."
@@ -55,9 +50,7 @@ def _given_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
             size = file.stat().st_size
         except (OSError, ValueError) as error:
             step = core.like_named(file)
-            raise core.RecordError(
-                "there is no such file", where=str(file), next_step=step
-            ) from error
+            raise core.RecordError("no such file", where=str(file), next_step=step) from error
         if file.is_dir():
             if len(files) > 1:
                 raise core.RecordError("a folder cannot stand beside other files", where=str(file))
@@ -75,20 +68,14 @@ def _in_folder(folder: Path) -> list[Path]:
     Raises:
         RecordError: The folder holds no recording, or several.
     """
-    bags = bag_files(folder)
-    others = sorted(
-        path
-        for path in folder.iterdir()
-        if path.is_file() and path.name.lower().endswith(_EXTENSIONS) and path not in bags
-    )
-    if bags or len(others) == 1 or are_one_run(others):
-        return bags or others
+    storage = bags.bag_files(folder)
+    files = [path for path in sorted(folder.iterdir()) if path.is_file() and path not in storage]
+    others = [path for path in files if path.name.lower().endswith(_EXTENSIONS)]
+    if storage or len(others) == 1 or csv.are_one_run(others):
+        return storage or others
     if not others:
-        raise core.RecordError(
-            "the folder holds no recording",
-            where=str(folder),
-            limit="a ROS bag, or files that end in " + ", ".join(_EXTENSIONS),
-        )
+        known = "a ROS bag, or files that end in " + ", ".join(_EXTENSIONS)
+        raise core.RecordError("the folder holds no recording", where=str(folder), limit=known)
     quoted = " ".join(shlex.quote(str(path)) for path in others[:8])
     more = " ..." if len(others) > 8 else ""
     raise core.RecordError(
@@ -108,8 +95,8 @@ Reader = Callable[[list[Path], ReadOptions, content.Budget], RawTable]
 arrays, columns say quantity to path (`q=rec.act_pos,t=rec.time`). Raises RecordError for files that
 are damaged or lack the columns, MissingExtraError without the format's extra."""
 _READERS: dict[str, Reader] = {
-    **dict.fromkeys(_TEXT, read_csv),
-    **dict.fromkeys(("rosbag", "mcap"), read_bag),
+    **dict.fromkeys(_TEXT, csv.read_csv),
+    **dict.fromkeys(("rosbag", "mcap"), bags.read_bag),
     "arrow": arrayfiles.read_frame,
     "json": arrayfiles.read_json,
     "hdf5": arrayfiles.read_hdf5,
@@ -166,12 +153,8 @@ def read_recording(
     given = _given_files(paths)
     robot = None if robot is None else load_robot(robot, collision=False)
     if rate_hz is not None and not 0 < rate_hz < MAX_RATE_HZ:
-        raise core.RecordError(
-            "the rate must be positive and finite",
-            where="--rate",
-            value=rate_hz,
-            limit=f"0 to {MAX_RATE_HZ:g} Hz",
-        )
+        what, limit = "the rate must be positive and finite", f"0 to {MAX_RATE_HZ:g} Hz"
+        raise core.RecordError(what, where="--rate", value=rate_hz, limit=limit)
     options = ReadOptions(
         format=format,
         columns=None if columns is None else parse_columns(columns),
@@ -186,14 +169,12 @@ def read_recording(
     table = isolation.read_isolated(given, options)
     if isinstance(table, ExperimentRecord):
         if columns is not None or degrees or joint_order is not None:
-            raise core.RecordError(
-                "a dynid recording is complete: columns, degrees and joint order do not apply",
-                where=given[0].name,
-            )
+            what = "a dynid recording is complete: columns, degrees and joint order do not apply"
+            raise core.RecordError(what, where=given[0].name)
         with content.located(given[0].name):
             record = store.fitted(table, robot)
     else:
-        record = repair(table, options, robot)
+        record = pipeline.repair(table, options, robot)
         origin = ", ".join(str(file) for file in given)
         metadata = replace(record.metadata, origin=origin, input_hash=_hash(given))
         record = replace(record, metadata=metadata)
@@ -216,19 +197,15 @@ def read_record(path: str | Path) -> ExperimentRecord:
         RecordError: Missing, foreign, or damaged.
     """
     if os.path.isdir(path):
-        said = "this is a folder, not a dynid recording"
-        raise core.RecordError(
-            said, where=str(path), next_step="Read it with dynid.read_recording."
-        )
+        step = "Read it with dynid.read_recording."
+        raise core.RecordError("this is a folder, no file", where=str(path), next_step=step)
     found = isolation.read_isolated(_given_files(path), ReadOptions(format=OWN))
     if not isinstance(found, ExperimentRecord):
         raise core.RecordError("this is no dynid recording", where=str(path))
     return found
 
 
-def read_table(
-    given: list[Path], options: ReadOptions, budget: content.Budget
-) -> RawTable | ExperimentRecord:
+def read_table(given: list[Path], options: ReadOptions, budget: content.Budget) -> isolation.Read:
     """What files hold, before anything is repaired; an own recording is complete.
 
     Raises:
@@ -244,9 +221,8 @@ def read_table(
             if kind == "parquet":
                 return store.read_own(files[0])
             table = _READERS[kind](files, replace(options, format=kind), budget)
-        budget.require_values(
-            sum(value.size for value in (*table.signals.values(), *table.channels.values()))
-        )
+        arrays = (*table.signals.values(), *table.channels.values())
+        budget.require_values(sum(value.size for value in arrays))
     return replace(table, source=source, format=table.format or kind)
 
 
@@ -257,9 +233,7 @@ def _format(files: list[Path], wanted: str) -> str:
     kinds = {formats.content_kind(file) for file in files}
     kind = min(kinds)
     if len(kinds) > 1 and not kinds <= {"rosbag", "mcap"}:
-        raise core.RecordError(
-            "files of different formats cannot stand side by side", value=sorted(kinds)
-        )
+        raise core.RecordError("the files have different formats", value=sorted(kinds))
     if len(files) > 1 and kind not in ("csv", "rosbag", "mcap"):
         raise core.RecordError(
             f"only one {kind} file can be read at a time",
@@ -272,10 +246,8 @@ def _format(files: list[Path], wanted: str) -> str:
         # MATLAB 7.3 writes HDF5; Parquet may be of others.
         return kind
     if wanted not in kinds and not (kind == "csv" and wanted in _TEXT):
-        raise core.RecordError(
-            f"the content is {kind}, not {wanted}",
-            next_step="Leave --format out to go by the content.",
-        )
+        step = "Leave --format out to go by the content."
+        raise core.RecordError(f"the content is {kind}, not {wanted}", next_step=step)
     return wanted
 
 
@@ -315,8 +287,9 @@ def open_record(
     """
     if isinstance(record, ExperimentRecord):
         found = store.fitted(record, robot)
+        raw = RawTable(rows=np.arange(found.samples), signals=found.signals)
         try:
-            refuse_degrees(RawTable(rows=np.arange(found.samples), signals=found.signals), robot)
+            joints.refuse_degrees(raw, robot)
         except core.UnclearRecordError as error:
             step = "If they are degrees, give numpy.radians(q)."
             raise error.changed(next_step=step) from error
@@ -403,8 +376,5 @@ def _refuse_results(path: Path) -> None:
     head = content.first_bytes(path, _HEAD)
     for mark, kind in _RESULTS.items():
         if mark in head:
-            raise core.RecordError(
-                f"this is {kind}, not a recording",
-                where=str(path),
-                next_step="Give a recording: dynid run and dynid import write them.",
-            )
+            what, step = f"this is {kind}, not a recording", "Give what dynid run or import wrote."
+            raise core.RecordError(what, where=str(path), next_step=step)

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from types import MappingProxyType
@@ -88,20 +87,15 @@ class ExperimentRecord(core.Value):
         if not (np.diff(t) > 0).all():
             row = int(np.argmax(np.diff(t) <= 0)) + 1
             raise core.RecordError(f"time does not increase at sample {row}", value=float(t[row]))
-        for name, kind in (
-            ("signals", Mapping),
-            ("channels", Mapping),
-            ("metadata", RecordMetadata),
-        ):
+        kinds = {"signals": Mapping, "channels": Mapping, "metadata": RecordMetadata}
+        for name, kind in kinds.items():
             if not isinstance(value := getattr(self, name), kind):
                 what, got = f"{name} of a recording", type(value).__name__
                 raise core.RecordError(what, value=got, limit=f"a {kind.__name__}")
         check_quantities(self.signals)
         q = core.frozen(self.signals["q"], shape=(len(t), None), name="q")
         shape = q.shape
-        signals = {
-            name: core.frozen(value, shape=shape, name=name) for name, value in self.signals.items()
-        }
+        signals = {name: core.frozen(x, shape=shape, name=name) for name, x in self.signals.items()}
         channels = {
             name: core.frozen(value, shape=(len(t),), name=name, finite=False)
             for name, value in self.channels.items()
@@ -171,9 +165,8 @@ class Description:
             found = tuple(map(core.finding_from_json, problems))
             made = core.JsonFields(data).made(cls, problems=found)
         except (core.InputError, AttributeError, KeyError, TypeError, ValueError) as error:
-            raise core.RecordError(
-                "the recording's description is damaged", value=str(error)
-            ) from error
+            what = "the recording's description is damaged"
+            raise core.RecordError(what, value=str(error)) from error
         check_quantities(made.quantities)
         return made
 
@@ -209,7 +202,7 @@ def with_gains(found: RecordMetadata, joints: int, gains: Sequence[float] | None
         values = tuple(map(float, gains))
     except (TypeError, ValueError):
         values = ()
-    if len(values) != joints or not all(math.isfinite(gain) and gain for gain in values):
+    if len(values) != joints or not (np.isfinite(values).all() and all(values)):
         raise core.RecordError(
             "one drive gain a joint is needed, finite and not zero [N.m/A]",
             where="--gains",

@@ -133,9 +133,8 @@ def create_partial(path: Path) -> tuple[int, Path | None]:
                 os.rename(path, kept)
         file = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o644)
     except OSError as error:
-        raise core.JobError(
-            "the recording cannot be started", where=str(path), value=error.strerror
-        ) from error
+        what = "the recording cannot be started"
+        raise core.JobError(what, where=str(path), value=error.strerror) from error
     _lock(file, path)
     return file, kept
 
@@ -145,9 +144,7 @@ def _lock(file: int, path: Path) -> None:
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
-        raise core.RecordError(
-            "another program is writing this recording", where=str(path)
-        ) from error
+        raise core.RecordError("another program writes this recording", where=str(path)) from error
     except OSError:
         return
 
@@ -179,9 +176,8 @@ def write_record(
     for k, name in enumerate(record.channels):
         names.append(f"channel_{k}" if name in names or not name else name)
     signals = (column for value in record.signals.values() for column in value.T)
-    columns = [
-        np.ascontiguousarray(column) for column in (record.t, *signals, *record.channels.values())
-    ]
+    columns = (record.t, *signals, *record.channels.values())
+    columns = [np.ascontiguousarray(column) for column in columns]
     description: dict[str, Any] = {
         "schema": records.VERSION,
         "joints": record.joints,
@@ -245,11 +241,8 @@ def described(footer: Any) -> tuple[records.Description, dict[str, Any], str]:
         raise core.RecordError("this Parquet file is not a dynid recording", next_step=_FOREIGN)
     written: dict[str, Any] = core.parse_json(entries[KEY].decode())
     if (version := written.get("schema")) != records.VERSION:
-        raise core.RecordError(
-            "the recording was written by another version of dynid",
-            value=version,
-            limit=records.VERSION,
-        )
+        what = "the recording was written by another version of dynid"
+        raise core.RecordError(what, value=version, limit=records.VERSION)
     expected = str(written.pop("digest", ""))
     return records.Description.of(written, written.get("problems") or ()), written, expected
 
@@ -269,27 +262,20 @@ def read_own(file: Path) -> records.ExperimentRecord:
     ):
         found, description, expected = described(source.metadata)
         table = source.read(use_threads=False)
-        columns = {
-            name: np.asarray(table.column(name).to_numpy(), dtype=np.float64)
-            for name in table.column_names
-        }
+        pairs = zip(table.column_names, table.columns, strict=True)
+        columns = {name: np.asarray(x.to_numpy(), dtype=np.float64) for name, x in pairs}
         ordered, start = list(columns.values()), len(found.names) - len(found.channels)
         if len(ordered) != len(found.names) or list(columns)[:start] != found.names[:start]:
-            raise core.RecordError(
-                "columns are missing", value=list(columns)[:40], limit=found.names
-            )
+            there = list(columns)[:40]
+            raise core.RecordError("columns are missing", value=there, limit=found.names)
         if records.digest(description, ordered) != expected:
             raise core.RecordError("the recording was changed or damaged after it was written")
         record = found.record(ordered)
     waiting = partial_path(file)
     if not waiting.is_file():
         return record
-    note = core.Finding(
-        "truncated_file",
-        f"rows of another, interrupted run are in {waiting.name}",
-        severity="info",
-        next_step=read_partial(waiting),
-    )
+    text, step = f"rows of another, interrupted run are in {waiting.name}", read_partial(waiting)
+    note = core.Finding("truncated_file", text, severity="info", next_step=step)
     return replace(record, problems=(*record.problems, note))
 
 

@@ -6,7 +6,6 @@ Objects, as `s3://bucket/run.parquet`, are reached through fsspec.
 import importlib
 import re
 import tempfile
-from bisect import bisect_left, bisect_right
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -150,7 +149,8 @@ class StoredRecording:
         _, starts = _footer(self.path, written)
         if last > starts[-1]:
             raise RecordError("rows are missing", where=self.path.name, value=last)
-        begin, end = bisect_right(starts, first) - 1, bisect_left(starts, last)
+        begin = int(np.searchsorted(starts, first, side="right")) - 1
+        end = int(np.searchsorted(starts, last))
         columns = ("t", *(f"{name}_{k}" for name in names for k in self.order))
         groups = [_group(self.path, columns, written, k) for k in range(begin, end)]
         rows = slice(first - starts[begin], last - starts[begin])

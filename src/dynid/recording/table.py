@@ -3,21 +3,18 @@
 Which columns are the time, and the best of them that runs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dynid.core import Array, Finding, RecordError, UnclearRecordError, printable
+from dynid.core import Array, Finding, Mask, RecordError, UnclearRecordError, printable
 from dynid.recording.cells import past_midnight
 from dynid.recording.names import Name
 
-Mask = NDArray[np.bool_]
 Rows = NDArray[np.int64]
 
 ESSENTIAL = ("q", "qd", "current", "effort")
@@ -140,13 +137,11 @@ class RawTable:
         """Where a row stands in the file: `line 12`."""
         return f"{self.row_word} {int(self.rows[index])}"
 
-    def report(self, kind: str, text: str, joints: tuple[int, ...] = ()) -> RawTable:
+    def report(self, kind: str, text: str, joints: tuple[int, ...] = ()) -> Self:
         """The same table with one more notice."""
         return replace(self, notices=(*self.notices, Finding(kind, text, joints=joints)))
 
-    def leave_out(
-        self, bad: Mask, why: str, kind: str = "corrupt_rows", most: float = 1.0
-    ) -> RawTable:
+    def leave_out(self, bad: Mask, why: str, kind: str = "corrupt_rows", most: float = 1.0) -> Self:
         """The table without (N) bad rows, if there are any, and a notice that names the first.
 
         They are what `why` says: `rows ... and are left out`. Above the share `most` they stay.
@@ -160,21 +155,20 @@ class RawTable:
         text = f"{int(bad.sum())} of {self.samples} rows {why} {done}; first: {first}"
         return left.report(kind, text)
 
-    def note(self, text: str) -> RawTable:
+    def note(self, text: str) -> Self:
         """The same table with one more note."""
         return replace(self, notes=(*self.notes, text))
 
-    def with_signals(self, changes: Mapping[str, Array]) -> RawTable:
+    def with_signals(self, changes: Mapping[str, Array]) -> Self:
         """The same table with some signals replaced."""
         return replace(self, signals={**self.signals, **changes})
 
-    def without(self, quantity: str) -> RawTable:
+    def without(self, quantity: str) -> Self:
         """The same table without one quantity."""
-        return replace(
-            self, signals={name: v for name, v in self.signals.items() if name != quantity}
-        )
+        kept = {name: value for name, value in self.signals.items() if name != quantity}
+        return replace(self, signals=kept)
 
-    def keep(self, mask: Mask, *, counted: bool = True) -> RawTable:
+    def keep(self, mask: Mask, *, counted: bool = True) -> Self:
         """Only the rows where `mask` (N) is true; the others may count as dropped rows."""
         if bool(mask.all()):
             return self
@@ -230,20 +224,15 @@ def find_clocks(parsed: Sequence[Name], names: Sequence[str], scope: str) -> lis
             name.scope.count(".") + bool(name.scope),
             0 if meaning is None else meaning[1],
         )
-        found.append(
-            (
-                order,
-                Clock(
-                    columns=(k,) if half is None else (k, half),
-                    scale=1.0 if half is not None else name.time_scale,
-                    label=names[k],
-                ),
-            )
+        clock = Clock(
+            columns=(k,) if half is None else (k, half),
+            scale=1.0 if half is not None else name.time_scale,
+            label=names[k],
         )
+        found.append((order, clock))
     found.sort(key=lambda item: item[0])
-    same = [
-        clock for order, clock in found if order == found[0][0] and clock.label == found[0][1].label
-    ]
+    best = [clock for order, clock in found if order == found[0][0]]
+    same = [clock for clock in best if clock.label == best[0].label]
     if len(same) > 1:
         raise UnclearRecordError(
             "more than one time column",

@@ -4,7 +4,6 @@ import re
 from collections import Counter
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -28,9 +27,8 @@ def _unit_of(quantity: str, path: str) -> str:
     name = parse_name(match.group(1) if match else path)
     # The last word counts: a struct may be called after a pose, `at_30_deg.q`.
     if not name.unit and quantity in table.ANGLES and says_degrees(name.base):
-        return {"q": "deg", "target_q": "deg"}.get(
-            quantity, "deg/s^2" if quantity.endswith("qdd") else "deg/s"
-        )
+        per_time = {"q": "", "qd": "/s", "qdd": "/s^2"}
+        return "deg" + per_time[quantity.removeprefix("target_")]
     return name.unit
 
 
@@ -43,17 +41,14 @@ def _guess_variables(
         RecordError: The paths do not say what the arrays are, or several could be it.
     """
     # Parameters and settings stand beside the signals.
-    paths = [
-        path for path, value in variables.items() if path and max(value.shape, default=0) >= _FEWEST
-    ]
+    paths = [path for path, x in variables.items() if path and max(x.shape, default=0) >= _FEWEST]
     paths = paths or list(variables)
     arrays: dict[str, Array] = {}
     labels: dict[str, str] = {}
     with _by_names(variables, paths):
         match = headers.match_headers(paths, joints)
-    _require_one_set(
-        variables, {name: [paths[k] for k in match.columns[name]] for name in match.columns}
-    )
+    found = {name: [paths[k] for k in numbers] for name, numbers in match.columns.items()}
+    _require_one_set(variables, found)
     with _by_names(variables, paths):
         for quantity, numbers in match.columns.items():
             if quantity == "t":
@@ -153,7 +148,7 @@ def moments_of(cells: Iterable[str]) -> Array | None:
 def table_of(
     variables: Mapping[str, Array],
     options: table.ReadOptions,
-    names: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
+    names: Mapping[str, tuple[str, ...]],
 ) -> table.RawTable:
     """A raw table from named arrays.
 
@@ -270,11 +265,8 @@ def _pick(variables: Mapping[str, Array], quantity: str, selector: str) -> Array
     elif selector not in variables and _COLUMNS.fullmatch(selector):
         matrices = [name for name, value in variables.items() if min(value.shape, default=0) > 1]
         if len(matrices) != 1:
-            raise RecordError(
-                f"columns: item '{quantity}={selector}' needs a variable name",
-                value=matrices[:20],
-                next_step="Write it like q=data[1:7].",
-            )
+            what = f"columns: item '{quantity}={selector}' needs a variable name"
+            raise RecordError(what, value=matrices[:20], next_step="Write it like q=data[1:7].")
         path, part = matrices[0], selector
     if path not in variables:
         raise RecordError(
@@ -298,13 +290,8 @@ def _length(arrays: Mapping[str, Array], joints: int | None) -> int | None:
         if t.size != max(t.shape, default=0):
             raise RecordError("the time must be a vector", value=t.shape)
         return t.size
-    sizes = Counter(
-        size
-        for value in arrays.values()
-        if value.ndim == 2
-        for size in value.shape
-        if size != joints and size > 1
-    )
+    axes = [size for value in arrays.values() if value.ndim == 2 for size in value.shape]
+    sizes = Counter(size for size in axes if size != joints and size > 1)
     return max(sizes, key=lambda size: (sizes[size], size)) if sizes else None
 
 

@@ -1,7 +1,6 @@
 """Record while a robot moves: what was appended a second ago survives a crash or power cut."""
 
 import json
-import math
 import os
 import shutil
 import time
@@ -10,7 +9,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -72,14 +70,12 @@ class RecordWriter:
         self._channels = tuple(channels)
         self._joints = len(joint_names)
         if self._joints == 0 or len(set(self._channels)) != len(self._channels):
-            raise RecordError(
-                "a recording needs joints, and channels of different names",
-                value=(tuple(joint_names), self._channels),
-            )
+            what = "a recording needs joints, and channels of different names"
+            raise RecordError(what, value=(tuple(joint_names), self._channels))
         self._width = 1 + self._joints * len(self._quantities) + len(self._channels)
         _require_space(self.path, self._width, expected_samples)
         self._buffer: list[Array] = []
-        self._last_t = -math.inf
+        self._last_t = -np.inf
         self._flushed = time.monotonic()
         self._samples = self._saved = self._end = 0
         self._sync: Future[None] | None = None
@@ -139,7 +135,7 @@ class RecordWriter:
                 value=(*signals, *channels),
                 limit=(*self._quantities, *self._channels),
             )
-        if not math.isfinite(t) or t <= self._last_t:
+        if not np.isfinite(t) or t <= self._last_t:
             raise RecordError("time must increase", value=t, limit=f"above {self._last_t}")
         row = np.empty(self._width)
         row[0], at = t, 1
@@ -149,9 +145,8 @@ class RecordWriter:
             except (TypeError, ValueError) as error:
                 raise RecordError(f"{name} must be numbers", value=signals[name]) from error
             if value.shape != (self._joints,) or not np.isfinite(value).all():
-                raise RecordError(
-                    f"{name} must be {self._joints} finite numbers", value=value.tolist()
-                )
+                what = f"{name} must be {self._joints} finite numbers"
+                raise RecordError(what, value=value.tolist())
             row[at : at + self._joints] = value
             at += self._joints
         row[at:] = [channels[name] for name in self._channels]
@@ -227,12 +222,7 @@ class RecordWriter:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         # A disk that takes no more; what it has is closed all the same.
         with suppress(JobError):
             if error is not None and self._file is not None and not self._aborted:

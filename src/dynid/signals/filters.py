@@ -213,10 +213,8 @@ class TorqueFilter:
         """
         if self.cutoff_hz >= rate_hz / 2:
             return np.array(values)
-        sections = np.asarray(
-            scipy_part("signal").butter(self.order, self.cutoff_hz, fs=rate_hz, output="sos"),
-            dtype=np.float64,
-        )
+        butter = scipy_part("signal").butter
+        sections: Array = butter(self.order, self.cutoff_hz, fs=rate_hz, output="sos")
         out = np.array(values)
         for part in stretches(t, GAP_STEPS / rate_hz):
             if part.stop - part.start > 2:

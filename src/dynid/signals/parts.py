@@ -39,9 +39,8 @@ class LongSignals:
 
     def __post_init__(self) -> None:
         count = self.grid.count
-        edge = min(
-            processing.unsettled(self.grid.rate_hz, self.settings, self.cutoff_hz), count // 4
-        )
+        unsettled = processing.unsettled(self.grid.rate_hz, self.settings, self.cutoff_hz)
+        edge = min(unsettled, count // 4)
         runs: list[tuple[int, int]] = []
         begin = edge
         for a, b in self.grid.gaps:
@@ -84,9 +83,8 @@ class LongSignals:
         for near in _together(self._points(first, last), 4 * beside):
             low, high = near[0][0] - beside, near[-1][1] + beside
             ends = max(low, 0), min(high, self.grid.count)
-            signals = processing.signals_at(
-                self.recording, self.robot, self.settings, self.grid, *ends
-            )
+            known = self.recording, self.robot, self.settings, self.grid
+            signals = processing.signals_at(*known, *ends)
             motion = processing.filtered_motion(signals, self.settings, self.cutoff_hz)
             noise = self.encoder_noise
             held = signals.q if noise is None else filters.without_noise(signals.q, noise)

@@ -6,19 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from dynid import recording
 from dynid.core import Array, Indices, InputError, Value, freeze
-from dynid.recording import (
-    AnyRecording,
-    ExperimentRecord,
-    RecordLike,
-    StoredRecording,
-    are_poses,
-    open_record,
-)
 from dynid.robot import RobotLike, RobotModel, load_robot
-from dynid.signals import filters
-from dynid.signals.filters import METHODS, TorqueFilter
-from dynid.signals.resample import StreamGrid, UniformSignals, fold_periods, onto, stretches, survey
+from dynid.signals import filters, resample
 
 VELOCITY_SOURCES = ("position", "measured")
 
@@ -47,7 +38,7 @@ class ProcessingSettings:
     """Average torques and columns over blocks of at least 4 ms."""
     period_s: float | None = None
     """Average over periods of this length [s]."""
-    torque_filter: TorqueFilter | None = None
+    torque_filter: filters.TorqueFilter | None = None
     """The low-pass that the torque had passed before it was written; the model passes it too."""
 
     def __post_init__(self) -> None:
@@ -55,23 +46,15 @@ class ProcessingSettings:
             raise InputError("must be positive", where="--cutoff", value=self.cutoff_hz)
         if self.velocity not in VELOCITY_SOURCES:
             raise InputError("velocity source", value=self.velocity, limit=VELOCITY_SOURCES)
-        if self.derivative not in METHODS:
-            raise InputError("derivative", value=self.derivative, limit=METHODS)
+        if self.derivative not in filters.METHODS:
+            raise InputError("derivative", value=self.derivative, limit=filters.METHODS)
         for name, value in (("--from", self.start_s), ("--to", self.stop_s)):
             if value is not None and not 0 <= value < 1e9:
-                raise InputError(
-                    "must be a time after the record's start",
-                    where=name,
-                    value=value,
-                    limit="0 s or more, below 1e9 s",
-                )
+                what, limit = "must be a time after the record's start", "0 s or more, below 1e9 s"
+                raise InputError(what, where=name, value=value, limit=limit)
         if self.start_s is not None and self.stop_s is not None and self.stop_s <= self.start_s:
-            raise InputError(
-                "must be later than the start of the window",
-                where="--to",
-                value=self.stop_s,
-                limit=f"after {self.start_s:g} s",
-            )
+            what, limit = "must be later than the start of the window", f"after {self.start_s:g} s"
+            raise InputError(what, where="--to", value=self.stop_s, limit=limit)
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
@@ -113,7 +96,7 @@ class Samples(Value):
     None for `q`."""
     encoder_noise: Array | None = None
     """(n) standard deviation of that noise [rad or m]."""
-    torque_filter: TorqueFilter | None = None
+    torque_filter: filters.TorqueFilter | None = None
     """The low-pass that the recorded torque has passed."""
     late_s: Array | None = None
     """(N, n) by how much torques are later than the motion beside them, where delays are no whole
@@ -151,7 +134,7 @@ class Samples(Value):
     @property
     def runs(self) -> list[slice]:
         """Parts between which no motion was recorded for `APART_S`: each starts anew."""
-        return stretches(self.t, APART_S - 0.5 / self.rate_hz)
+        return resample.stretches(self.t, APART_S - 0.5 / self.rate_hz)
 
     @property
     def count(self) -> int:
@@ -184,13 +167,13 @@ def joined(parts: Sequence[Samples]) -> Samples:
     )
 
 
-def used_rows(count: int, torque_filter: TorqueFilter | None, rate_hz: float) -> slice:
+def used_rows(count: int, torque_filter: filters.TorqueFilter | None, rate_hz: float) -> slice:
     """Of some samples those whose torques are used: the torque filter has settled there."""
     edge = 0 if torque_filter is None else min(torque_filter.settled(rate_hz), count // 8)
     return slice(edge, count - edge)
 
 
-def measured_torque(record: ExperimentRecord, robot: RobotModel) -> Array:
+def measured_torque(record: recording.ExperimentRecord, robot: RobotModel) -> Array:
     """Joint torques (N, n) [N.m or N] of a recording.
 
     Effort wins over current. Gains given with the recording win over the robot's.
@@ -239,76 +222,76 @@ LEAST_STRETCH = 4
 
 
 def uniform_signals(
-    record: ExperimentRecord, robot: RobotModel, settings: ProcessingSettings
-) -> UniformSignals:
+    record: recording.ExperimentRecord, robot: RobotModel, settings: ProcessingSettings
+) -> resample.UniformSignals:
     """The window of a recording on a uniform grid, torques on the joint side.
 
     Raises:
         InputError: An empty window, no torque, stamps without a usable rate, or single poses.
     """
-    if are_poses(record.signals["q"]):
+    if recording.are_poses(record.signals["q"]):
         raise InputError(
             "these rows are no motion: each position is unrelated to the one before",
             where=record.metadata.origin or None,
             next_step="Identify gravity from poses at rest: dynid gravity RECORD. If it is a "
             "motion, check the columns and the time stamps.",
         )
-    grid = survey(record, settings.start_s, settings.stop_s)
+    grid = resample.survey(record, settings.start_s, settings.stop_s)
     return signals_at(record, robot, settings, grid, 0, grid.count)
 
 
 def signals_at(
-    recording: AnyRecording,
+    record: recording.AnyRecording,
     robot: RobotModel,
     settings: ProcessingSettings,
-    grid: StreamGrid,
+    grid: resample.StreamGrid,
     first: int,
     last: int,
-) -> UniformSignals:
+) -> resample.UniformSignals:
     """The signals at some points of a recording's grid."""
     low, high = grid.rows(first, last)
-    part = rows_of(recording, low, high, settings)
+    part = rows_of(record, low, high, settings)
     torque = measured_torque(part, robot)
     qd, rate = part.signals.get("qd"), grid.rate_hz
     valid = np.ones(last - first)
     for a, b in grid.gaps:
         valid[max(a - first, 0) : max(b - first, 0)] = 0.0
     if grid.uniform:
-        return UniformSignals(
+        return resample.UniformSignals(
             t=part.t, rate_hz=rate, q=part.signals["q"], qd=qd, torque=torque, valid=valid
         )
     times = grid.times(first, last)
-    return onto(times, rate, part.t, part.signals["q"], qd, torque, valid)
+    return resample.onto(times, rate, part.t, part.signals["q"], qd, torque, valid)
 
 
 def rows_of(
-    recording: AnyRecording,
+    record: recording.AnyRecording,
     first: int,
     last: int,
     settings: ProcessingSettings | None = None,
     *,
     positions: bool = False,
-) -> ExperimentRecord:
+) -> recording.ExperimentRecord:
     """Rows from the first to the one before the last, as a recording of their own.
 
     Only signals that settings ask for are read, None for all that are processed; or only positions.
     """
-    if isinstance(recording, StoredRecording) and positions:
-        return recording.part(first, last, ())
-    if isinstance(recording, StoredRecording):
-        source = "effort" if "effort" in recording.quantities else "current"
+    if isinstance(record, recording.StoredRecording) and positions:
+        return record.part(first, last, ())
+    if isinstance(record, recording.StoredRecording):
+        source = "effort" if "effort" in record.quantities else "current"
         measured = settings is None or settings.velocity == "measured"
-        return recording.part(first, last, (source, "qd") if measured else (source,))
+        return record.part(first, last, (source, "qd") if measured else (source,))
     rows = slice(first, last)
-    return ExperimentRecord(
-        t=recording.t[rows],
-        signals={name: values[rows] for name, values in recording.signals.items()},
-        metadata=replace(recording.metadata, input_hash=""),
+    return recording.ExperimentRecord(
+        t=record.t[rows],
+        signals={name: values[rows] for name, values in record.signals.items()},
+        metadata=replace(record.metadata, input_hash=""),
     )
 
 
 def process(
-    record: RecordLike, robot: RobotLike, settings: ProcessingSettings | None = None
+    record: recording.RecordLike, robot: RobotLike, settings: ProcessingSettings | None = None
 ) -> Samples:
     """Resample, align, filter the motion, differentiate, trim.
 
@@ -324,11 +307,12 @@ def process(
         InputError: See `uniform_signals`; or too few samples remain.
     """
     settings, robot = settings or ProcessingSettings(), load_robot(robot, collision=False)
-    return samples_from(uniform_signals(open_record(record, robot), robot, settings), settings)
+    signals = uniform_signals(recording.open_record(record, robot), robot, settings)
+    return samples_from(signals, settings)
 
 
 def samples_from(
-    signals: UniformSignals, settings: ProcessingSettings, *, trim: bool = True
+    signals: resample.UniformSignals, settings: ProcessingSettings, *, trim: bool = True
 ) -> Samples:
     """Samples from signals on a uniform grid; see `process`.
 
@@ -339,7 +323,7 @@ def samples_from(
     cutoff = min(cutoff, filters.NYQUIST_SHARE * rate / 2)
     folded = settings.period_s is not None
     if settings.period_s is not None:
-        signals = fold_periods(signals, settings.period_s)
+        signals = resample.fold_periods(signals, settings.period_s)
         # Exact derivatives of one averaged period: a circle has no ends.
         q, dq = filters.fourier_derivative(signals.q, rate, cutoff)
         ddq = filters.fourier_derivative(dq, rate, cutoff)[1]
@@ -390,7 +374,7 @@ def delayed(
 
 
 def filtered_motion(
-    signals: UniformSignals, settings: ProcessingSettings, cutoff_hz: float
+    signals: resample.UniformSignals, settings: ProcessingSettings, cutoff_hz: float
 ) -> tuple[Array, Array, Array]:
     """Positions, velocities and accelerations (N, n) below a cut-off [Hz].
 
@@ -402,12 +386,12 @@ def filtered_motion(
         raise InputError("the recording has no velocities qd", value="velocity=measured")
     # Each stretch alone: what bridges a gap is no motion, and would be smeared into what is.
     valid = signals.valid > 0.5
-    stretches = np.split(np.arange(len(valid)), np.flatnonzero(np.diff(valid)) + 1)
+    runs = np.split(np.arange(len(valid)), np.flatnonzero(np.diff(valid)) + 1)
     out = signals.q.copy(), np.zeros_like(signals.q), np.zeros_like(signals.q)
-    for stretch in stretches:
+    for run in runs:
         # Of shorter ones nothing is kept.
-        if valid[stretch[0]] and len(stretch) > LEAST_STRETCH:
-            part = slice(stretch[0], stretch[-1] + 1)
+        if valid[run[0]] and len(run) > LEAST_STRETCH:
+            part = slice(run[0], run[-1] + 1)
             measured = None if qd is None else qd[part]
             found = _filtered(signals.q[part], measured, signals.rate_hz, settings, cutoff_hz)
             for whole, values in zip(out, found, strict=True):
@@ -434,7 +418,7 @@ def unsettled(rate_hz: float, settings: ProcessingSettings, cutoff_hz: float) ->
 
 
 def _kept(
-    signals: UniformSignals,
+    signals: resample.UniformSignals,
     settings: ProcessingSettings,
     cutoff: float,
     *,

@@ -1,10 +1,10 @@
 """UR robots: the controller evaluates the motion, or follows streamed set points."""
 
 import gc
-import threading
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
+from threading import Event, Thread
 from typing import Any, ClassVar
 
 import numpy as np
@@ -42,11 +42,10 @@ class RtdeDriver(driver.Driver):
     def source(self) -> driver.Source:
         """See `Driver.source`."""
         state, version = self.state, ".".join(map(str, self.state.version))
+        layout = variables.recorded(state.version[:3], self.index)
         return driver.Source(
             quantities=tuple(variables.SIGNALS),
-            channels=tuple(
-                name for name, _ in variables.recorded(state.version[:3], self.index).channels
-            ),
+            channels=tuple(name for name, _ in layout.channels),
             format="rtde",
             origin=f"{state.model or 'UR'} at {state.host}, software {version}",
             extra={
@@ -57,9 +56,7 @@ class RtdeDriver(driver.Driver):
         )
 
     @abstractmethod
-    def move(
-        self, execution: driver.Execution, cancel: threading.Event, record: Record
-    ) -> driver.Outcome:
+    def move(self, execution: driver.Execution, cancel: Event, record: Record) -> driver.Outcome:
         """Have the robot move beside a recording, which begins the conversation that moves it."""
 
     def execute(
@@ -67,18 +64,14 @@ class RtdeDriver(driver.Driver):
         execution: driver.Execution,
         recorder: driver.Recorder | None,
         *,
-        cancel: threading.Event | None = None,
+        cancel: Event | None = None,
         progress: Progress | None = None,
     ) -> driver.Outcome:
         """See `Driver.execute`; another control rate, or a program that runs, is refused."""
-        host, wish = self.state.host, cancel or threading.Event()
+        host, wish = self.state.host, cancel or Event()
         if execution.rate_hz != self.state.rate_hz:
-            raise InputError(
-                "the controller has another rate",
-                where=host,
-                value=execution.rate_hz,
-                limit=f"{self.state.rate_hz} Hz",
-            )
+            what, limit = "the controller has another rate", f"{self.state.rate_hz} Hz"
+            raise InputError(what, where=host, value=execution.rate_hz, limit=limit)
 
         def record(converse: Converse) -> driver.Outcome:
             watchdog = driver.Watchdog(
@@ -90,20 +83,13 @@ class RtdeDriver(driver.Driver):
             )
             with closing(RtdeLink(host)) as link:
                 names = variables.recorded_names(link.version[:3], self.index)
-                layout, feed = (
-                    variables.Layout.of(link.ask_outputs(names)),
-                    link.ask_inputs([variables.FEED]),
-                )
+                layout = variables.Layout.of(link.ask_outputs(names))
+                feed = link.ask_inputs([variables.FEED])
                 with closing(ScriptPort(host)) as port:
                     link.write(feed.packet([-1]))
                     link.start()
-                    pump = Pump(
-                        link,
-                        layout,
-                        watchdog,
-                        converse(layout, feed, port),
-                        cancel=wish,
-                    )
+                    conversation = converse(layout, feed, port)
+                    pump = Pump(link, layout, watchdog, conversation, cancel=wish)
                     pump.start()
                     return Intake(execution, layout, recorder, progress).take(pump)
 
@@ -123,9 +109,7 @@ class UrDriver(RtdeDriver):
 
     index = variables.INDEX
 
-    def move(
-        self, execution: driver.Execution, cancel: threading.Event, record: Record
-    ) -> driver.Outcome:
+    def move(self, execution: driver.Execution, cancel: Event, record: Record) -> driver.Outcome:
         """See `RtdeDriver.move`."""
         program = ur_program(
             execution.trajectory,
@@ -216,9 +200,7 @@ class ServojDriver(RtdeDriver):
         super().__init__(state)
         require("rtde_control", "ur")
 
-    def move(
-        self, execution: driver.Execution, cancel: threading.Event, record: Record
-    ) -> driver.Outcome:
+    def move(self, execution: driver.Execution, cancel: Event, record: Record) -> driver.Outcome:
         """See `RtdeDriver.move`."""
         if cancel.is_set():
             return driver.Outcome(samples=0, periods=0, gaps=0, abort=driver.INTERRUPTED)
@@ -248,12 +230,10 @@ class ServojDriver(RtdeDriver):
         try:
             return UrRtde(host)
         except RuntimeError as error:
-            raise JobError(
-                "ur_rtde cannot control the robot", where=host, value=str(error)
-            ) from error
+            raise JobError("ur_rtde cannot control the robot", where=host, value=error) from error
 
 
-class Way(threading.Thread):
+class Way(Thread):
     """Moves from pose to pose, each (n) [rad], resting at each, with ur_rtde's `control`.
 
     Its watchdog is kicked until the first set point: the arm stops with this process, not at the
@@ -264,9 +244,9 @@ class Way(threading.Thread):
         super().__init__(name="dynid-way", daemon=True)
         self.fault: Exception | None = None
         """Why the arm did not get there."""
-        self.arrived = threading.Event()
+        self.arrived = Event()
         """Set when the last move has ended."""
-        self._control, self._poses, self._left = control, poses, threading.Event()
+        self._control, self._poses, self._left = control, poses, Event()
 
     def run(self) -> None:
         """See `threading.Thread`."""
@@ -345,11 +325,8 @@ class Stream:
         recent, target = self._path[due % self._execution.cycles], np.array(numbers[self._target])
         away = np.maximum(recent.min(axis=0) - target, target - recent.max(axis=0)).max()
         if not away <= _OFF_STREAM:
-            raise Refused(
-                "the arm is off its set points: another program has taken the robot over",
-                value=f"{away:.3g} rad",
-                limit=f"{_OFF_STREAM:g} rad",
-            )
+            what = "the arm is off its set points: another program has taken the robot over"
+            raise Refused(what, value=f"{away:.3g} rad", limit=f"{_OFF_STREAM:g} rad")
 
     def _at_start(self, numbers: Numbers) -> bool:
         """Whether set points can be sent: to an arm elsewhere the first one is a jump."""

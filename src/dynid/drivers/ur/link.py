@@ -5,7 +5,6 @@ import threading
 import time
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager, suppress
-from itertools import pairwise
 from statistics import median
 
 from dynid.core import JobError
@@ -41,9 +40,8 @@ class RtdeLink:
         """What the controller said to people."""
         self.socket = connect(host, port)
         try:
-            if not rtde.read_answer(
-                self._ask(Kind.REQUEST_PROTOCOL_VERSION, rtde.request_protocol(2))
-            ):
+            answer = self._ask(Kind.REQUEST_PROTOCOL_VERSION, rtde.request_protocol(2))
+            if not rtde.read_answer(answer):
                 raise ProtocolError("the controller has no RTDE protocol 2", where=host)
             self.version = self._ask_version()
             """Major, minor, bugfix and build number of its software."""
@@ -61,11 +59,12 @@ class RtdeLink:
         Raises:
             JobError: There is none.
         """
-        times = [time.monotonic()]
+        times: list[float] = []
         for _ in range(_LOOKS):
+            asked = time.monotonic()
             self._ask_version()
-            times.append(time.monotonic())
-        return median(b - a for a, b in pairwise(times))
+            times.append(time.monotonic() - asked)
+        return median(times)
 
     @property
     def rate_hz(self) -> float:
@@ -149,23 +148,17 @@ class RtdeLink:
     def _receive(self, until: float, missing: str) -> list[Packet]:
         """Wait for packets; what is still missing after that time [s] is told."""
         packets: list[Packet] = []
+        limit = f"{self.socket.gettimeout():g} s"
         while not packets:
             if time.monotonic() > until:
-                raise Disconnected(
-                    f"what is there sends something, but {missing}",
-                    where=self.host,
-                    limit=f"{self.socket.gettimeout():g} s",
-                    next_step=_WHO,
-                )
+                what = f"what is there sends something, but {missing}"
+                raise Disconnected(what, where=self.host, limit=limit, next_step=_WHO)
             with _connected(_BROKE, self.host):
                 try:
                     data = self.socket.recv(_CHUNK)
                 except TimeoutError as error:
-                    raise Disconnected(
-                        "the controller sends nothing any more: the network is cut, or it is off",
-                        where=self.host,
-                        limit=f"{self.socket.gettimeout():g} s",
-                    ) from error
+                    what = "the controller sends nothing any more: the network is cut, or it is off"
+                    raise Disconnected(what, where=self.host, limit=limit) from error
             if not data:
                 raise Disconnected("the controller has closed the connection", where=self.host)
             try:

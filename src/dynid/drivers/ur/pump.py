@@ -123,9 +123,7 @@ class Pump(threading.Thread):
         except Disconnected as error:
             self.stop(driver.Abort("connection", str(error)))
         except JobError as error:
-            self.stop(
-                driver.Abort("connection", f"the controller sends what cannot be read: {error}")
-            )
+            self.stop(driver.Abort("connection", f"the controller's data cannot be read: {error}"))
         # Nobody else watches the robot: whatever it is, first the robot stops.
         except Exception as error:
             self.fault = error

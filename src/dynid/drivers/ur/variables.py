@@ -16,33 +16,17 @@ FEED = "input_int_register_24"
 """What keeps our program alive."""
 APPROACHING, MOVING, DONE = 0, 1, 2
 """Values of `STATE`."""
-_OTHERWISE = {
-    "q": "actual_q",
-    "qd": "actual_qd",
-    "current": "actual_current",
+SIGNALS = {
+    **{name: name for name in QUANTITIES},
+    **{name: f"actual_{name}" for name in ("q", "qd", "current")},
     "temperature": "joint_temperatures",
 }
-SIGNALS = {name: _OTHERWISE.get(name, name) for name in QUANTITIES}
 """Signals of a recording and the variables that they are."""
 _CHANNELS = (
-    "timestamp",
-    INDEX,
-    STATE,
-    "robot_mode",
-    "safety_mode",
-    "runtime_state",
-    "robot_status_bits",
-    "safety_status_bits",
-    "speed_scaling",
-    "target_speed_fraction",
-    "joint_control_output",
-    "joint_mode",
-    "actual_momentum",
-    "actual_main_voltage",
-    "actual_robot_current",
-    "actual_execution_time",
-    "payload",
-    "payload_cog",
+    *("timestamp", INDEX, STATE, "robot_mode", "safety_mode", "runtime_state"),
+    *("robot_status_bits", "safety_status_bits", "speed_scaling", "target_speed_fraction"),
+    *("joint_control_output", "joint_mode", "actual_momentum", "actual_main_voltage"),
+    *("actual_robot_current", "actual_execution_time", "payload", "payload_cog"),
 )
 _NAMES = {INDEX: "index", FEED: "index", STATE: "program_state"}
 
@@ -87,11 +71,9 @@ class Layout:
         vectors = set(SIGNALS.values())
         for name in (name for name in places if name not in vectors):
             place, label = places[name], _NAMES.get(name, name)
-            several = place.stop - place.start > 1
-            channels += [
-                (f"{label}_{k + 1}" if several else label, place.start + k)
-                for k in range(place.stop - place.start)
-            ]
+            count = place.stop - place.start
+            labels = [label] if count == 1 else [f"{label}_{k + 1}" for k in range(count)]
+            channels += zip(labels, range(place.start, place.stop), strict=True)
         signals = tuple((name, places[variable]) for name, variable in SIGNALS.items())
         return cls(signals, tuple(channels), places, INDEX if INDEX in places else FEED)
 
@@ -122,19 +104,8 @@ def _teaches(status_bits: float) -> bool:
 
 
 _ASKED = (
-    "actual_q",
-    "actual_qd",
-    "target_q",
-    "target_qd",
-    "joint_temperatures",
-    "robot_mode",
-    "safety_mode",
-    "runtime_state",
-    "robot_status_bits",
-    "target_speed_fraction",
-    "payload",
-    "payload_cog",
-    "tcp_offset",
+    *("actual_q", "target_qd", "joint_temperatures", "robot_mode", "safety_mode", "runtime_state"),
+    *("robot_status_bits", "target_speed_fraction", "payload", "payload_cog", "tcp_offset"),
 )
 
 

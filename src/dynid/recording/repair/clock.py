@@ -7,10 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from dynid.core import Array, UnclearRecordError, scipy_part
+from dynid.core import Array, Mask, UnclearRecordError, scipy_part
 from dynid.recording.headers import by_rows
 from dynid.recording.repair.motion import DEGREE, FASTEST, common_slope, velocity_slopes
-from dynid.recording.table import Mask, RawTable, Rows, at_times, rows_with
+from dynid.recording.table import RawTable, Rows, at_times, rows_with
 
 MOST_DROPPED = 0.2
 """Share of rows that may go for their stamps."""
@@ -156,10 +156,7 @@ def drop_repeats(table: RawTable) -> RawTable:
     held = same & _moves(table.signals["q"])
     if held.sum() < max(3, 0.002 * table.samples) or held.mean() > 0.9:
         return table
-    why = (
-        "repeat all signals of the row before while the robot moves (read faster than they are "
-        "updated)"
-    )
+    why = "repeat all signals of the row before while the robot moves (read faster than updated)"
     return table.leave_out(held, why, "dropped_rows")
 
 
@@ -238,11 +235,8 @@ def settle_unit(table: RawTable) -> RawTable:
         )
     step = float(np.median(np.diff(table.stamps)))
     if step < FASTEST:
-        table = table.report(
-            "unit_suspect",
-            f"the time stamps say {1 / step:.4g} Hz, which is no robot's rate: "
-            "probably another unit",
-        )
+        text = f"the time stamps say {1 / step:.4g} Hz, which is no robot's rate: another unit?"
+        table = table.report("unit_suspect", text)
     return table
 
 
@@ -287,10 +281,8 @@ def report_clock(table: RawTable) -> RawTable:
     jitter = 100 * float(np.quantile(np.abs(steps - nominal), 0.99)) / nominal
     parts: list[str] = []
     if jitter > 5:
-        parts.append(
-            f"steps between {1e3 * steps.min():.4g} and {1e3 * steps.max():.4g} ms, "
-            f"{jitter:.0f} % off the nominal"
-        )
+        span = f"steps between {1e3 * steps.min():.4g} and {1e3 * steps.max():.4g} ms"
+        parts.append(f"{span}, {jitter:.0f} % off the nominal")
     if missing > 0:
         largest = int(np.argmax(np.where(gaps, steps, 0.0)))
         parts.append(
@@ -364,10 +356,8 @@ def _moves_on(share: Array, q: Array, ticks: Array, k: int) -> bool:
     ]
     expected: Array = 0.5 * (speeds[0] + speeds[1]) * ticks[k]
     size = float(np.linalg.norm(expected))
-    rough = max(
-        float(np.abs(np.diff(rows, 2, axis=0)).mean(axis=0).max(initial=0.0))
-        for rows in (before, after)
-    )
+    bends = [np.abs(np.diff(rows, 2, axis=0)).mean(axis=0) for rows in (before, after)]
+    rough = float(np.max(bends, initial=0.0))
     turn: Array = speeds[1] - speeds[0]
     off: Array = q[k + 1] - q[k] - expected
     turned, miss = float(np.linalg.norm(turn) * ticks[k]), float(np.linalg.norm(off))

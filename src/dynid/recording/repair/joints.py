@@ -1,16 +1,15 @@
 """Repair: the columns become the robot's joints, in its order, on the joint's side, in radians."""
 
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from dynid.core import Array, RecordError, UnclearRecordError, printable
+from dynid.core import Array, Mask, RecordError, UnclearRecordError, printable
 from dynid.recording.cells import factor_of
 from dynid.recording.names import UR_JOINTS, parse_name, places_of, said_of_others
-from dynid.recording.table import ANGLES, Mask, RawTable
+from dynid.recording.table import ANGLES, RawTable
 from dynid.robot import RobotModel
 
 
@@ -99,9 +98,8 @@ def _by_name(table: RawTable, robot: RobotModel, *, given: bool) -> RawTable:
     known = places_of(UR_JOINTS, table.joint_names) or _numbered(table.joint_names)
     ordered = _reorder(table, known) if known else table
     taken = "by their own names or numbers" if known else "in this order"
-    return ordered.report(
-        "unit_suspect", said_of_others(table.joint_names, robot.joint_names, taken)
-    )
+    text = said_of_others(table.joint_names, robot.joint_names, taken)
+    return ordered.report("unit_suspect", text)
 
 
 def _numbered(names: Sequence[str]) -> list[int]:
@@ -169,7 +167,7 @@ def to_joint_side(table: RawTable, robot: RobotModel | None) -> RawTable:
     )
 
 
-_TURN = 2 * math.pi
+_TURN = 2 * np.pi
 _USE_DEGREES = "If they are degrees, pass --degrees."
 
 
@@ -192,7 +190,7 @@ def convert_degrees(table: RawTable, robot: RobotModel | None, degrees: bool) ->
     open_ones = [name for name in table.signals if name in ANGLES and name not in table.said]
     if not open_ones:
         return table.note("--degrees changes nothing: the file says its units itself")
-    factor = np.where(turning, math.pi / 180, 1.0)
+    factor = np.where(turning, np.pi / 180, 1.0)
     reach = float(np.abs(table.signals["q"][:, turning]).max(initial=0.0))
     table = table.with_signals({name: table.signals[name] * factor for name in open_ones})
     if 0 < reach <= _TURN and "q" in open_ones:
@@ -227,10 +225,8 @@ def unwrap_turns(table: RawTable, robot: RobotModel | None) -> RawTable:
         changes[quantity] = value - shift * _TURN
         joint = int(np.argmax(wraps.any(axis=0)))
         row = int(np.argmax(wraps[:, joint])) + 1
-        found.append(
-            f"{table.label(quantity, joint)} jumps by a whole turn at {table.row(row)} "
-            f"({int(wraps.sum())} jumps in all)"
-        )
+        jump = f"{table.label(quantity, joint)} jumps by a whole turn at {table.row(row)}"
+        found.append(f"{jump} ({int(wraps.sum())} jumps in all)")
     if not found:
         return table
     return table.with_signals(changes).report("unwrapped", f"{'; '.join(found)}; unwrapped")
@@ -284,7 +280,7 @@ def refuse_degrees(table: RawTable, robot: RobotModel | None) -> RawTable:
     limits = robot.limits
     bound = np.fmax(np.abs(limits.lower), np.abs(limits.upper))
     known = np.isfinite(bound)
-    beyond = turning & known & (reach > 2 * np.where(known, bound, 0.0) + math.pi)
+    beyond = turning & known & (reach > 2 * np.where(known, bound, 0.0) + np.pi)
     many_turns = turning & ~known & (reach > 4 * _TURN)
     if beyond.any() or (many_turns.any() and 2 * many_turns.sum() >= turning.sum()):
         joint = int(np.argmax(np.where(beyond if beyond.any() else many_turns, reach, -1.0)))

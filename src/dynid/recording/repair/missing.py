@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynid.core import Array, RecordError, UnclearRecordError, printable
+from dynid.core import Array, Mask, RecordError, UnclearRecordError, printable
 from dynid.recording.headers import by_rows, spelled
-from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, Mask, RawTable, rows_with
+from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, RawTable, rows_with
 
 ABSURD = 1e12
 """No robot signal is larger, in any unit; larger values count as missing."""
@@ -21,28 +21,22 @@ def drop_missing(table: RawTable) -> RawTable:
             the rows would go.
     """
     with np.errstate(invalid="ignore"):
-        signals = {
-            name: np.where(np.abs(value) < ABSURD, value, np.nan)
-            for name, value in table.signals.items()
-        }
+        given = table.signals.items()
+        signals = {name: np.where(np.abs(x) < ABSURD, x, np.nan) for name, x in given}
         t: Array = np.where(np.abs(table.stamps) < 1e20, table.stamps, np.nan)
     table = replace(table, signals=signals, t=t)
     rows = table.samples
     known = rows_with(np.isfinite(signals["q"])) & np.isfinite(t)
     if np.isnan(t).mean() > _MOST_LOST:
-        raise UnclearRecordError(
-            "the time column has no numbers on most rows",
-            value=f"{int(np.isnan(t).sum())} of {rows}",
-            next_step=by_rows(table.columns),
-        )
+        what, count = "the time column has no numbers on most rows", int(np.isnan(t).sum())
+        step = by_rows(table.columns)
+        raise UnclearRecordError(what, value=f"{count} of {rows}", next_step=step)
     lost = np.isnan(signals["q"]).mean(axis=0)
     lost_known = np.isnan(signals["q"][known]).mean(axis=0) if known.any() else np.ones(1)
     joint = int(np.argmax(lost))
     if max(lost[joint], lost_known.max()) > _MOST_LOST:
-        raise RecordError(
-            f"{table.label('q', joint)} has no numbers on most rows",
-            value=f"{round(100 * float(lost[joint]))} % missing",
-        )
+        what = f"{table.label('q', joint)} has no numbers on most rows"
+        raise RecordError(what, value=f"{round(100 * float(lost[joint]))} % missing")
     for quantity in [name for name in signals if name != "q"]:
         table = _judge(table, quantity, known)
     table = _without_zeros(table)
@@ -88,11 +82,8 @@ def _without_zeros(table: RawTable) -> RawTable:
 
     Drivers fill fields that their robot does not measure with zeros.
     """
-    nonzero = {
-        name: bool(np.nan_to_num(table.signals[name]).any())
-        for name in TORQUE_SOURCES
-        if name in table.signals
-    }
+    sources = [name for name in TORQUE_SOURCES if name in table.signals]
+    nonzero = {name: bool(np.nan_to_num(table.signals[name]).any()) for name in sources}
     if all(nonzero.values()) or not any(nonzero.values()):
         return table
     zero = next(name for name, found in nonzero.items() if not found)
@@ -116,14 +107,11 @@ def _judge(table: RawTable, quantity: str, known: Mask) -> RawTable:
             there = np.isfinite(value[:, joint])
             filled[:, joint] = np.interp(index, index[there], value[there, joint])
         table = table.with_signals({quantity: filled})
-        return table.report(
-            "corrupt_rows",
-            f"temperature is missing on {int(lost.sum())} rows; interpolated between the others",
-        )
+        text = f"temperature is missing on {int(lost.sum())} rows; interpolated between the others"
+        return table.report("corrupt_rows", text)
     others = [name for name in TORQUE_SOURCES if name in table.signals and name != quantity]
-    spare = quantity in TORQUE_SOURCES and any(
-        np.isfinite(table.signals[name][known]).all() for name in others
-    )
+    whole = (np.isfinite(table.signals[name][known]).all() for name in others)
+    spare = quantity in TORQUE_SOURCES and any(whole)
     limit = _MOST_LOST if quantity in ESSENTIAL else 0.01
     if share <= (0.1 if quantity == "qd" or spare else limit):
         return table
@@ -218,9 +206,7 @@ def _placeholders(column: Array) -> Mask:
 def _runs(same: Mask) -> list[tuple[int, int]]:
     """First row and length of each run of rows that say what the row before them said."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(np.int8), [0]])))
-    return [
-        (int(a), int(b - a)) for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
-    ]
+    return [(start, stop - start) for start, stop in edges.reshape(-1, 2).tolist()]
 
 
 def _held_positions(q: Array) -> Mask:

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from dynid.core import Array
+from dynid.core import Array, Mask
 from dynid.recording.records import are_poses
-from dynid.recording.table import TORQUE_SOURCES, Mask, RawTable, Rows, rows_with
+from dynid.recording.table import TORQUE_SOURCES, RawTable, Rows, rows_with
 
 DEGREE = np.pi / 180
 """A degree [rad]."""
@@ -66,11 +66,8 @@ def check_velocities(table: RawTable, rate_hz: float | None) -> RawTable:
     """
     nominal = 1.0 / float(np.median(np.diff(table.stamps)))
     if rate_hz is not None and table.clock != "rate" and abs(rate_hz / nominal - 1) > 0.03:
-        table = table.report(
-            "clock_mismatch",
-            f"the time stamps say {nominal:.5g} Hz, not the {rate_hz:.5g} Hz given; the stamps "
-            "are kept",
-        )
+        text = f"the time stamps say {nominal:.5g} Hz, not the {rate_hz:.5g} Hz given; they stay"
+        table = table.report("clock_mismatch", text)
     if "qd" not in table.signals:
         return table
     slopes, sure = velocity_slopes(table.stamps, table.signals["q"], table.signals["qd"])
@@ -127,9 +124,8 @@ def _report_odd(table: RawTable, odd: Mask, why: str) -> RawTable:
     if not odd.any():
         return table
     names = ", ".join(str(k + 1) for k in np.flatnonzero(odd))
-    return table.report(
-        "unit_suspect", f"the velocities of joint {names} {why}: check the columns of q and qd"
-    )
+    text = f"the velocities of joint {names} {why}: check the columns of q and qd"
+    return table.report("unit_suspect", text)
 
 
 _SHARE = 0.05
@@ -168,9 +164,8 @@ def drop_spikes(table: RawTable) -> RawTable:
             heights = np.where(heights > high - low, heights, 0.0)
         for joint in np.flatnonzero(heights.any(axis=0)).tolist():
             first = int(np.argmax(heights[:, joint] > 0))
-            found.append(
-                f"{table.label(quantity, joint)} at {table.row(first)} ({value[first, joint]:.6g})"
-            )
+            place = f"{table.label(quantity, joint)} at {table.row(first)}"
+            found.append(f"{place} ({value[first, joint]:.6g})")
         bad |= rows_with(heights > 0)
     if not found:
         return table
@@ -273,9 +268,8 @@ def _confirmed(
         if any(abs(k - other[0]) <= width + 1 for other, _ in taken):
             continue
         around = [j for j in range(k - 3, k + width + 3) if 0 <= j < len(x) and j not in block]
-        residue = min(
-            max(_residue(base, x, around, j) for j in (k - 1, k + width)) for base in bases
-        )
+        sides = (k - 1, k + width)
+        residue = min(max(_residue(base, x, around, j) for j in sides) for base in bases)
         height = min(float(off[k]), *(abs(float(x[m] - x[k - 1])) for m in block))
         if max(residue, _step_across(x, k, width)) < _SMOOTH * height:
             taken.append((block, float(off[k])))

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynid.core import Array, Finding, RecordError, UnclearRecordError
+from dynid.core import Array, Finding, Mask, RecordError, UnclearRecordError
 from dynid.recording import content, records
 from dynid.recording.repair import clock, joints, missing, motion
-from dynid.recording.table import TORQUE_SOURCES, Mask, RawTable, ReadOptions, rows_with
+from dynid.recording.table import TORQUE_SOURCES, RawTable, ReadOptions, rows_with
 from dynid.robot import RobotModel
 
 _SCALES = {"q": (0.0, 1e5), "qd": (0.0, 1e5), "effort": (1e-9, 1e7), "current": (1e-9, 1e5)}
@@ -109,9 +109,8 @@ def _refuse(record: records.ExperimentRecord, findings: Sequence[Finding]) -> No
     where = record.metadata.origin or None
     for finding in findings:
         if finding.kind == "unit_suspect" and finding.severity == "error" and finding.joints:
-            raise RecordError(
-                finding.text, where=where, next_step=f"{finding.next_step.capitalize()}."
-            )
+            step = f"{finding.next_step.capitalize()}."
+            raise RecordError(finding.text, where=where, next_step=step)
     # Without torques there is nothing to check; whoever needs them says so.
     sources = [name for name in TORQUE_SOURCES if name in record.signals]
     if sources and not any(np.ptp(record.signals[name]) > 0 for name in sources):
@@ -299,10 +298,6 @@ _LEAST_TICK = 1e-12
 """A microsecond in days is ten times as much."""
 
 
-def _number_rows(table: RawTable) -> RawTable:
-    return replace(table, index=np.arange(table.samples, dtype=np.int64))
-
-
 def _start_clock(table: RawTable, rate_hz: float | None) -> RawTable:
     """Count time by rows, before any row is lost, where there are no stamps."""
     if table.t is not None:
@@ -321,10 +316,8 @@ def _start_clock(table: RawTable, rate_hz: float | None) -> RawTable:
         # Single poses need no clock.
         rate_hz = 1.0
     if rate_hz is None:
-        raise UnclearRecordError(
-            "the recording has no time",
-            next_step="Pass its sampling rate with --rate, or map a column with --columns t=...",
-        )
+        step = "Pass its sampling rate with --rate, or map a column with --columns t=..."
+        raise UnclearRecordError("the recording has no time", next_step=step)
     t = np.arange(table.samples, dtype=np.float64) / rate_hz
     return replace(table, t=t, time_scale=1.0, t0="0.0", clock="rate")
 
@@ -362,7 +355,6 @@ def _record(table: RawTable, robot: RobotModel | None) -> records.ExperimentReco
 _STAMPED = ("recorded", "header", "receive")
 RULES: tuple[Rule, ...] = (
     Rule(joints.settle_joints, "kinova_gen3, bags: joints by name", ("robot", "joint_order")),
-    Rule(_number_rows, "every message that names a row"),
     Rule(_start_clock, "tx40: no time stamps", ("rate_hz",)),
     Rule(clock.lay_together, "topics of one table on rows of their own"),
     Rule(missing.drop_missing, "cells that are empty or no number"),
