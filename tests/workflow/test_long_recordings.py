@@ -274,7 +274,7 @@ def test_the_command_and_the_function(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    for module in ("recording", "recording.stored", "workflow.files"):
+    for module in ("recording", "recording.stored"):
         monkeypatch.setattr(importlib.import_module(f"dynid.{module}"), "LONG", 3000)
     monkeypatch.setattr(identify_module, "diagnose", lambda *_: ())
     monkeypatch.chdir(tmp_path)

@@ -2,6 +2,7 @@
 
 from dynid.constraints.arm import prior_dynamics as prior_dynamics
 from dynid.constraints.arm import prior_link as prior_link
+from dynid.constraints.bodies import body_of as body_of
 from dynid.constraints.bodies import least_distance as least_distance
 from dynid.constraints.certificate import Certificate as Certificate
 from dynid.constraints.certificate import certify as certify
@@ -27,6 +28,5 @@ from dynid.constraints.scene import SPHERE as SPHERE
 from dynid.constraints.scene import ConstraintSettings as ConstraintSettings
 from dynid.constraints.scene import Scene as Scene
 from dynid.constraints.scene import Shape as Shape
-from dynid.constraints.scene import body_of as body_of
 from dynid.constraints.scene import scene_from_json as scene_from_json
 from dynid.constraints.scene import surrounded as surrounded

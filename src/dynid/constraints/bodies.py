@@ -13,9 +13,9 @@ import numpy as np
 from dynid.constraints.arm import arm_geometry
 from dynid.constraints.collision import CollisionBodies, JudgedPairs, gap_of, place_bodies
 from dynid.constraints.distance import WORK
-from dynid.constraints.scene import HALF_SPACE, ConstraintSettings, Scene, body_of
+from dynid.constraints.scene import BOX, HALF_SPACE, SPHERE, ConstraintSettings, Scene, Shape
 from dynid.core import Array, Indices, InputError, compiled, read_only
-from dynid.robot import Body, RobotModel
+from dynid.robot import Body, RobotModel, box_points, cylinder_points
 
 _MOST_CELLS = 40_000
 
@@ -219,6 +219,25 @@ def surroundings_of(
         pairs={kind: found for kind, found in pairs.items() if found.names},
         far=out,
         lacking={"self_collision": (*bare, *left_out), "environment": bare},
+    )
+
+
+def body_of(shape: Shape, link: int = 0, frame: Array | None = None) -> Body:
+    """A solid that is no half-space as a collision body, fixed in a link.
+
+    The frame (4, 4) of its pose is given in the joint frame of that link; None for the same.
+    """
+    pose = shape.pose if frame is None else frame @ shape.pose
+    points, radius = np.zeros((1, 3)), float(shape.size[0])
+    if shape.kind != SPHERE:
+        radius = 0.0
+        points = (
+            box_points(shape.size)
+            if shape.kind == BOX
+            else cylinder_points(float(shape.size[0]), float(shape.size[1]))
+        )
+    return Body(
+        name=shape.name, link=link, points=points @ pose[:3, :3].T + pose[:3, 3], radius=radius
     )
 
 

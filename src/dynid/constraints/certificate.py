@@ -17,24 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from dynid import trajectory as motions
 from dynid.constraints import collision, limits
 from dynid.constraints.motion import MotionConstraints
 from dynid.core import Array, InputError, plain
-from dynid.trajectory import (
-    BSpline,
-    Extremes,
-    FourierQuintic,
-    FourierSeries,
-    JointMotion,
-    MotionSequence,
-    Piece,
-    PointToPoint,
-    Repetition,
-    Trajectory,
-    peaks,
-    pieces,
-    require_positive,
-)
 
 _RATE_HZ = 1000.0
 _FEWEST_LEAVES, _MOST_LEAVES = 2000, 60_000
@@ -52,7 +38,7 @@ BEYOND = 0.01
 """The same at most, over the time to the next of the `_MOST_LEAVES` samples of a leg."""
 
 
-def dense_times(trajectory: Trajectory) -> list[Array]:
+def dense_times(trajectory: motions.Trajectory) -> list[Array]:
     """Times from 0 to the end at 1 kHz, and closer where a part is short or waves are.
 
     One array for each part in which the acceleration does not jump; what is known of both sides of
@@ -77,7 +63,7 @@ def dense_times(trajectory: Trajectory) -> list[Array]:
     parts: list[Array] = []
     for (start, leaf), count in zip(leaves, counts, strict=True):
         ends, beside = np.array([0.0, leaf.duration]), 0.0
-        if isinstance(leaf, PointToPoint):
+        if isinstance(leaf, motions.PointToPoint):
             ends = np.cumsum([0.0, *(time for time, _ in leaf.polynomials())])
             beside = _BESIDE * leaf.duration
         edges: list[float] = (start + ends).tolist()
@@ -88,35 +74,37 @@ def dense_times(trajectory: Trajectory) -> list[Array]:
     return parts
 
 
-def _fewest(leaf: Trajectory) -> int:
+def _fewest(leaf: motions.Trajectory) -> int:
     match leaf:
-        case FourierSeries() | FourierQuintic():
+        case motions.FourierSeries() | motions.FourierQuintic():
             return _WAVE * leaf.harmonics
-        case BSpline():
+        case motions.BSpline():
             return _SPAN * (leaf.control.shape[1] - leaf.degree)
         case _:
             return _SPAN
 
 
-def _samples(leaf: Trajectory, most: int) -> int:
+def _samples(leaf: motions.Trajectory, most: int) -> int:
     return max(_fewest(leaf), int(np.clip(np.ceil(leaf.duration * _RATE_HZ), 1, most)))
 
 
-def _leaves(trajectory: Trajectory, start: float) -> Iterator[tuple[float, Trajectory]]:
+def _leaves(
+    trajectory: motions.Trajectory, start: float
+) -> Iterator[tuple[float, motions.Trajectory]]:
     """The motions that a motion is put together from, and when they begin."""
-    if isinstance(trajectory, MotionSequence):
+    if isinstance(trajectory, motions.MotionSequence):
         for part, begin in zip(trajectory.parts, trajectory.starts, strict=True):
             yield from _leaves(part, start + float(begin))
-    elif isinstance(trajectory, Repetition):
+    elif isinstance(trajectory, motions.Repetition):
         yield from _leaves(trajectory.part, start)
     else:
         yield start, trajectory
 
 
-def extremes(trajectory: Trajectory) -> Extremes:
+def extremes(trajectory: motions.Trajectory) -> motions.Extremes:
     """The bounds of any trajectory; proven for every kind of this package."""
     found = [_of_leaf(leaf) for _, leaf in _leaves(trajectory, 0.0)]
-    return Extremes(
+    return motions.Extremes(
         lower=np.min([item.lower for item in found], axis=0),
         upper=np.max([item.upper for item in found], axis=0),
         velocity=np.max([item.velocity for item in found], axis=0),
@@ -125,20 +113,20 @@ def extremes(trajectory: Trajectory) -> Extremes:
     )
 
 
-def _of_leaf(trajectory: Trajectory) -> Extremes:
-    if type(trajectory) is FourierSeries:
-        return peaks(trajectory)
+def _of_leaf(trajectory: motions.Trajectory) -> motions.Extremes:
+    if type(trajectory) is motions.FourierSeries:
+        return motions.peaks(trajectory)
     try:
-        parts = pieces(trajectory)
+        parts = motions.pieces(trajectory)
     except InputError:
         return _from_samples(trajectory)
     bounds = np.array([_of_piece(piece) for piece in parts])
     lower, upper = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
     most = np.maximum(np.abs(lower), np.abs(upper))
-    return Extremes(lower=lower[0], upper=upper[0], velocity=most[1], acceleration=most[2])
+    return motions.Extremes(lower=lower[0], upper=upper[0], velocity=most[1], acceleration=most[2])
 
 
-def _of_piece(piece: Piece) -> Array:
+def _of_piece(piece: motions.Piece) -> Array:
     """(2, 3, n) what q, dq and ddq of a formula are not below and not above.
 
     Between samples h apart a function leaves the larger of both by at most h^2 / 8 of its second
@@ -166,7 +154,7 @@ def _of_piece(piece: Piece) -> Array:
     return bounds
 
 
-def _from_samples(trajectory: Trajectory) -> Extremes:
+def _from_samples(trajectory: motions.Trajectory) -> motions.Extremes:
     """Of samples, with the jerk between them taken as twice what neighbouring ones show.
 
     Differences count as well: by the mean value theorem no motion is slower than its way, whatever
@@ -183,7 +171,7 @@ def _from_samples(trajectory: Trajectory) -> Extremes:
     acceleration = most + jerk * step / 2
     # Between samples a smooth curve leaves its chord by at most h^2 / 8 of its curvature.
     bow = acceleration * step**2 / 8
-    return Extremes(
+    return motions.Extremes(
         lower=motion.q.min(axis=0) - bow,
         upper=motion.q.max(axis=0) + bow,
         velocity=velocity + jerk * step**2 / 8,
@@ -345,14 +333,14 @@ class Certificate:
         }
 
 
-def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certificate:
+def certify(trajectory: motions.Trajectory, constraints: MotionConstraints) -> Certificate:
     """Judge a motion from its start to its end.
 
     Raises:
         InputError: A motion of another number of joints, or of no duration.
     """
-    require_positive("the motion's duration", trajectory.duration)
-    while isinstance(trajectory, Repetition):
+    motions.require_positive("the motion's duration", trajectory.duration)
+    while isinstance(trajectory, motions.Repetition):
         trajectory = trajectory.part
     parts = dense_times(trajectory)
     times = np.concatenate(parts)
@@ -415,7 +403,7 @@ def _settled(
 
 
 def _between_samples(
-    worst: dict[str, limits.Worst], constraints: MotionConstraints, ends: Extremes
+    worst: dict[str, limits.Worst], constraints: MotionConstraints, ends: motions.Extremes
 ) -> None:
     bounds = constraints.settings.bounds
     sides = np.stack([ends.lower, ends.upper])
@@ -434,7 +422,7 @@ def _between_samples(
 def _add_allowance(
     worst: dict[str, limits.Worst],
     constraints: MotionConstraints,
-    motion: JointMotion,
+    motion: motions.JointMotion,
     counts: Sequence[int],
 ) -> None:
     """Torque and power between samples: their curvature, twice.
@@ -463,10 +451,10 @@ def _add_allowance(
 class _Between:
     """What cannot be missed within `half` [s] either side of times t (N) of a motion."""
 
-    trajectory: Trajectory
-    ends: Extremes
+    trajectory: motions.Trajectory
+    ends: motions.Extremes
 
-    def _fastest(self, motion: JointMotion, half: float) -> Array:
+    def _fastest(self, motion: motions.JointMotion, half: float) -> Array:
         """(N, n) speeds that the joints do not exceed there."""
         return np.minimum(np.abs(motion.dq) + half * self.ends.acceleration, self.ends.velocity)
 

@@ -8,15 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from dynid.core import Array, InputError, JsonFields, MotionBounds, freeze
-from dynid.robot import (
-    Body,
-    RobotModel,
-    box_points,
-    cylinder_points,
-    from_axes,
-    from_xyz_rpy,
-    require_rigid,
-)
+from dynid.robot import RobotModel, from_axes, from_xyz_rpy, require_rigid
 
 HALF_SPACE, BOX, CYLINDER, SPHERE = 0, 1, 2, 3
 KINDS = ("half-space", "box", "cylinder", "sphere")
@@ -59,25 +51,6 @@ class Shape:
                 value=f"{most:g} m",
                 limit=f"{_FARTHEST:g} m",
             )
-
-
-def body_of(shape: Shape, link: int = 0, frame: Array | None = None) -> Body:
-    """A solid that is no half-space as a collision body, fixed in a link.
-
-    The frame (4, 4) of its pose is given in the joint frame of that link; None for the same.
-    """
-    pose = shape.pose if frame is None else frame @ shape.pose
-    points, radius = np.zeros((1, 3)), float(shape.size[0])
-    if shape.kind != SPHERE:
-        radius = 0.0
-        points = (
-            box_points(shape.size)
-            if shape.kind == BOX
-            else cylinder_points(float(shape.size[0]), float(shape.size[1]))
-        )
-    return Body(
-        name=shape.name, link=link, points=points @ pose[:3, :3].T + pose[:3, 3], radius=radius
-    )
 
 
 MOST_SHAPES = 500

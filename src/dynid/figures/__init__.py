@@ -11,6 +11,7 @@ from dynid.figures.marks import Ranges as Ranges
 from dynid.figures.marks import Spans as Spans
 from dynid.figures.marks import axis_around as axis_around
 from dynid.figures.marks import category_axis as category_axis
+from dynid.figures.marks import joint_labels as joint_labels
 from dynid.figures.marks import joint_role as joint_role
 from dynid.figures.marks import joint_unit as joint_unit
 from dynid.figures.marks import legend as legend

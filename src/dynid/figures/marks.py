@@ -11,7 +11,7 @@ from importlib.resources import files
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, Indices, InputError
+from dynid.core import Array, Indices, InputError, printable
 
 MINUS = "\N{MINUS SIGN}"
 _STEPS = (1.0, 2.0, 5.0, 10.0)
@@ -215,6 +215,14 @@ def joint_unit(unit: str, prismatic: Sequence[bool]) -> str:
     if all(prismatic):
         return units(sliding)
     return units(f"{unit}, {sliding} where sliding" if any(prismatic) else unit)
+
+
+def joint_labels(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of joints for people: `shoulder_pan_joint` is Shoulder pan."""
+    plain = [name.replace("_", " ").strip() for name in names]
+    short = [name.removesuffix(" joint").removesuffix(" Joint") or name for name in plain]
+    chosen = short if len(set(short)) == len(names) else plain
+    return tuple(printable(name[:1].upper() + name[1:], 28) for name in chosen)
 
 
 def colour(role: str, *, dark: bool = False) -> str:

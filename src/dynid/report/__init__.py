@@ -6,7 +6,6 @@ from dynid.report.contents import KnownTruth as KnownTruth
 from dynid.report.contents import ReportContents as ReportContents
 from dynid.report.contents import ReportedDesign as ReportedDesign
 from dynid.report.contents import ReportedEstimate as ReportedEstimate
-from dynid.report.contents import joint_labels as joint_labels
 from dynid.report.page import render as render
 from dynid.report.page import write_figures as write_figures
 from dynid.report.page import write_fleet_page as write_fleet_page

@@ -8,13 +8,7 @@ import numpy as np
 from dynid import core, identification, validation
 from dynid import figures as draw
 from dynid.report import figures, screens
-from dynid.report.contents import (
-    JudgedMotion,
-    ReportContents,
-    ReportedDesign,
-    ReportedEstimate,
-    joint_labels,
-)
+from dynid.report.contents import JudgedMotion, ReportContents, ReportedDesign, ReportedEstimate
 
 SAMPLES = 1000
 QUANTITIES = (("position", "rad"), ("velocity", "rad/s"), ("acceleration", "rad/s^2"))
@@ -29,7 +23,7 @@ def design_figures(item: ReportedDesign) -> tuple[draw.Figure, ...]:
 
 def _motion_figure(item: ReportedDesign) -> draw.Figure:
     """Positions, velocities and accelerations, and what they use of their limits."""
-    names, slides = joint_labels(item.robot.joint_names), item.robot.prismatic
+    names, slides = draw.joint_labels(item.robot.joint_names), item.robot.prismatic
     motion = item.trajectory.evaluate(np.linspace(0.0, item.trajectory.duration, SAMPLES))
     middle = (item.bounds.upper + item.bounds.lower) / 2
     half = (item.bounds.upper - item.bounds.lower) / 2
@@ -195,7 +189,7 @@ def _errors(item: ReportedEstimate, shown: validation.ValidationResult) -> Table
     parts = (whole.rmse, moving.rmse, whole.relative_error_percent, moving.relative_error_percent)
     rows = [
         (name, *(draw.number(float(part[j])) for part in parts), draw.number(float(whole.r2[j])))
-        for j, name in enumerate(joint_labels(robot.joint_names))
+        for j, name in enumerate(draw.joint_labels(robot.joint_names))
     ]
     for kind, errors in validation.errors_by_kind(
         shown.measured, shown.predicted, shown.moves, robot.prismatic
@@ -221,7 +215,7 @@ def _poses_figure(item: ReportedEstimate) -> draw.Figure | None:
         torque = float(known.torque[j])
         panels.append(
             draw.Panel(
-                title=joint_labels(robot.joint_names)[j],
+                title=draw.joint_labels(robot.joint_names)[j],
                 # Of a slide without limits that stood at zero, no other place is known.
                 x=draw.Axis(low=float(at[0]), high=max(float(at[-1]), float(at[0]) + 1e-3)),
                 y=draw.Axis(low=0.0, high=1.1 * max(float(found.anywhere.max()), torque)),

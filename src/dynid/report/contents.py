@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from dynid import diagnosis, identification, reduction, validation
-from dynid.core import Array, Finding, MotionBounds, printable
+from dynid.core import Array, Finding, MotionBounds
 from dynid.robot import RobotModel
 from dynid.trajectory import Trajectory
 from dynid.validation import DecidingErrors, ParameterComparison, ValidationResult
@@ -132,11 +132,3 @@ class ReportContents:
     """Names of the exported models in the folder."""
     skipped: tuple[tuple[str, str], ...] = ()
     """Files that could not be used, and why."""
-
-
-def joint_labels(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of joints for people: `shoulder_pan_joint` is Shoulder pan."""
-    plain = [name.replace("_", " ").strip() for name in names]
-    short = [name.removesuffix(" joint").removesuffix(" Joint") or name for name in plain]
-    chosen = short if len(set(short)) == len(names) else plain
-    return tuple(printable(name[:1].upper() + name[1:], 28) for name in chosen)

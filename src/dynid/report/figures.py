@@ -8,7 +8,7 @@ from dynid import figures as draw
 from dynid.core import Array
 from dynid.identification import CONFIDENCE, Estimate
 from dynid.reduction import BaseParametrization
-from dynid.report.contents import ReportedEstimate, joint_labels
+from dynid.report.contents import ReportedEstimate
 from dynid.validation import ParameterComparison, ValidationResult
 
 STANDSTILL_S = 0.1
@@ -38,7 +38,7 @@ def torque_panels(
 ) -> tuple[draw.Panel, draw.Panel]:
     """Measured and predicted torque of a joint (from 0), and its residual on a scale of its own."""
     robot = item.estimate.model.robot
-    name = joint_labels(robot.joint_names)[j]
+    name = draw.joint_labels(robot.joint_names)[j]
     unit = f"[{draw.joint_unit('N.m', robot.prismatic[j : j + 1])}]"
     t, measured, predicted = result.t, result.measured[:, j], result.predicted[:, j]
     error = measured - predicted
@@ -124,7 +124,7 @@ def friction_figure(item: ReportedEstimate) -> draw.Figure | None:
     curve = _friction_torque(estimate, grid)
     known = dict(zip(estimate.names, zip(estimate.values, estimate.std, strict=True), strict=True))
     panels: list[draw.Panel] = []
-    for j, name in enumerate(joint_labels(robot.joint_names)):
+    for j, name in enumerate(draw.joint_labels(robot.joint_names)):
         chosen = np.unique(np.linspace(0, len(data) - 1, MAX_POINTS).astype(int))
         marks: list[draw.Mark] = [
             draw.Points(result.dq[chosen, j], data[chosen, j], name="data", faint=True, size=4.5),
@@ -174,7 +174,7 @@ def links_figure(item: ReportedEstimate) -> draw.Figure | None:
     found = item.links
     if found is None:
         return None
-    names = joint_labels(item.estimate.model.robot.joint_names)
+    names = draw.joint_labels(item.estimate.model.robot.joint_names)
     n, count = len(names), 10 * len(names)
     values, std, prior = (x[:count].reshape(n, 10) for x in (found.values, found.std, found.prior))
     share = 100 * (1 - found.prior_share[:count].reshape(n, 10))
@@ -287,7 +287,7 @@ def models_figure(item: ReportedEstimate) -> draw.Figure | None:
         for k, (name, error) in enumerate(zip(shown, errors, strict=True))
     )
     highest = max(1.08 * float(np.max(errors)), 1e-6)
-    names = draw.category_axis(joint_labels(item.estimate.model.robot.joint_names))
+    names = draw.category_axis(draw.joint_labels(item.estimate.model.robot.joint_names))
     return draw.Figure(
         title="Error by joint [% of RMS torque], on data left out",
         x=draw.Axis(low=0, high=highest),
@@ -392,7 +392,7 @@ def residual_figure(item: ReportedEstimate, result: ValidationResult) -> draw.Fi
             height=110,
             grid=True,
         )
-        for j, name in enumerate(joint_labels(robot.joint_names))
+        for j, name in enumerate(draw.joint_labels(robot.joint_names))
     ]
     return draw.Figure(
         title=f"Residual [{draw.joint_unit('N.m', robot.prismatic)}] over velocity",
@@ -417,7 +417,7 @@ def correlation_figure(item: ReportedEstimate, result: ValidationResult) -> draw
     raw = np.fft.irfft(power, size, axis=0)[: lags + 1]
     scale = np.where(raw[0] > 0, raw[0], 1.0)
     bound = CONFIDENCE / np.sqrt(len(error))
-    names = joint_labels(item.estimate.model.robot.joint_names)
+    names = draw.joint_labels(item.estimate.model.robot.joint_names)
     curves = [
         draw.Line(np.arange(lags + 1.0), raw[:, j] / scale[j], draw.joint_role(j), name)
         for j, name in enumerate(names)

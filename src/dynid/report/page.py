@@ -14,7 +14,7 @@ from dynid import figures as draw
 from dynid.core import Array, InputError, make_folder, require, require_absent, write_text
 from dynid.identification import CONFIDENCE, JointState, Trend
 from dynid.report import appendix, figures, screens
-from dynid.report.contents import ReportContents, ReportedEstimate, joint_labels
+from dynid.report.contents import ReportContents, ReportedEstimate
 
 DAY_S, PLOT_HEIGHT = 86400.0, 90.0
 STYLE = """body{font:15px/1.5 var(--font);margin:0 auto;max-width:1120px;padding:16px;
@@ -90,7 +90,7 @@ def _plots(joints: Sequence[JointState]) -> str:
 
 def _panels(joint: JointState, first_day: float) -> Iterator[draw.Panel]:
     step, low, high = joint.change_percent
-    (name,), unit = joint_labels((joint.name,)), joint.unit.replace(".", "·")
+    (name,), unit = draw.joint_labels((joint.name,)), joint.unit.replace(".", "·")
     told = f"step {step:+.1f} % ({low:+.1f} to {high:+.1f}), p {joint.friction_p:.2g}"
     scale = f"{name}: torque of the inertias [1], p {joint.control_p:.2g}"
     for trend, title, alarm in (
@@ -231,7 +231,7 @@ def _torque(item: ReportedEstimate) -> dict[str, Any] | None:
     if result is None:
         return None
     robot = item.estimate.model.robot
-    names, axis = joint_labels(robot.joint_names), figures.time_axis(result)
+    names, axis = draw.joint_labels(robot.joint_names), figures.time_axis(result)
     order = figures.worst_first(result)
     panels = [figures.torque_panels(item, result, j) for j in order]
     rows = [

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynid.diagnosis import Answer
-from dynid.figures import joint_unit, number
-from dynid.report.contents import ReportContents, ReportedEstimate, joint_labels
+from dynid.figures import joint_labels, joint_unit, number
+from dynid.report.contents import ReportContents, ReportedEstimate
 from dynid.report.figures import MODEL_NAMES, MODEL_ROLES, worst_first
 from dynid.robot import joints_by_kind
 

@@ -12,8 +12,6 @@ import numpy as np
 from dynid.core import JsonFields, RobotError, like_named, plain, printable
 from dynid.robot import body, kinematics, robotfile, tables, urdf, urdf_bodies
 from dynid.robot.model import RobotModel
-from dynid.robot.robotfile import MAX_BYTES as MAX_TOML
-from dynid.robot.urdf import MAX_BYTES as MAX_URDF
 
 _CALIBRATED = 3e-3
 """Placements of one arm and its factory calibration differ by less [m]."""
@@ -92,16 +90,18 @@ def _of_file(path: Path, text: str, collision: bool, mesh_dirs: Sequence[Path]) 
             limit=f"{', '.join(names)}, or a URDF or robot file",
             next_step=like_named(path, *names),
         )
-    data = tables.read_limited(path, MAX_URDF)
+    data = tables.read_limited(path, urdf.MAX_BYTES)
     if data.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] == b"<" or path.suffix.lower() == ".urdf":
         robot = urdf.robot_from_urdf(data, where=tables.shown_path(path), file=path)
         known = ~np.isnan(robot.inertias)
         if not collision and not (known[:, 0] & ~known.all(axis=1)).any():
             return robot
         return urdf_bodies.with_collision_geometry(robot, path, mesh_dirs=mesh_dirs)
-    if len(data) > MAX_TOML:
+    if len(data) > robotfile.MAX_BYTES:
         raise RobotError(
-            "the file is too large for a robot file", where=tables.shown_path(path), limit=MAX_TOML
+            "the file is too large for a robot file",
+            where=tables.shown_path(path),
+            limit=robotfile.MAX_BYTES,
         )
     return robotfile.robot_from_toml(data, path, collision=collision, mesh_dirs=mesh_dirs)
 

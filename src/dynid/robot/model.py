@@ -8,17 +8,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import (
-    SMALLEST,
-    Array,
-    Mask,
-    MotionBounds,
-    RobotError,
-    Value,
-    freeze,
-    frozen,
-    read_only,
-)
+from dynid.core import SMALLEST, Array, Mask, MotionBounds, RobotError, Value, freeze, frozen
 from dynid.robot import body, transforms
 
 
@@ -95,7 +85,8 @@ class JointLimits(MotionBounds):
         for name in ("lower", "upper", "velocity"):
             value: Array = getattr(self, name)
             known = (np.abs(value) < UNLIMITED) | np.isinf(value)
-            object.__setattr__(self, name, read_only(np.where(known, value, math.nan)))
+            value = frozen(np.where(known, value, math.nan), shape=None, name=name, finite=False)
+            object.__setattr__(self, name, value)
 
     @property
     def rated_torque(self) -> Array:

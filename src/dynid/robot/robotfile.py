@@ -10,20 +10,10 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, RobotError
-from dynid.robot import body, kinematics, library, urdf, urdf_bodies
+from dynid.robot import body, kinematics, library, tables, urdf, urdf_bodies
 from dynid.robot.model import FRAMES, Counterbalance, Drives, RobotModel, SafetyLimits, Tool
-from dynid.robot.tables import (
-    TomlTable,
-    is_there,
-    located,
-    locked_joints,
-    parse_toml,
-    read_limited,
-    shown_path,
-    tables,
-)
+from dynid.robot.tables import TomlTable
 from dynid.robot.transforms import from_body, from_xyz_rpy, inverse, move, translation
-from dynid.robot.urdf import MAX_BYTES as MAX_URDF
 
 _SIDES = ("joint", "motor")
 _BODY_FRAMES = ("dh", "mdh", "urdf", "joint")
@@ -177,7 +167,9 @@ def _shape(table: TomlTable) -> TomlTable:
 
 @cache
 def _bodies_of(arm: str) -> list[TomlTable]:
-    return tables(parse_toml(builtin_file(arm))["body"], f"body of {arm}", "", _READERS["body"][0])
+    return tables.array_of_tables(
+        tables.parse_toml(builtin_file(arm))["body"], f"body of {arm}", "", _READERS["body"][0]
+    )
 
 
 def _read_collision(table: TomlTable, robot: RobotModel) -> dict[str, Any]:
@@ -258,8 +250,8 @@ def robot_from_toml(
     Raises:
         RobotError: Anything that is not a sound robot file; names table and key.
     """
-    with located(shown_path(path)):
-        top = TomlTable(parse_toml(data), "", "", _TOP)
+    with tables.located(tables.shown_path(path)):
+        top = TomlTable(tables.parse_toml(data), "", "", _TOP)
         robot = _kinematics(top, path)
         if collision and robot.urdf:
             held = _links_with_bodies(top, robot)
@@ -272,10 +264,10 @@ def robot_from_toml(
         sources = [robot.source] if robot.source else []
         for name, (keys, read) in _READERS.items():
             if name in top:
-                with located(name):
+                with tables.located(name):
                     values = top.raw(name)
                     if name in _SEVERAL:
-                        given = rows = tables(values, name, "", keys)
+                        given = rows = tables.array_of_tables(values, name, "", keys)
                     else:
                         given = TomlTable(values, "", "", keys)
                         rows = [given]
@@ -297,8 +289,8 @@ def _links_with_bodies(top: TomlTable, robot: RobotModel) -> set[int]:
     links, found = ("base", *names), set[int]()
     for name in ("body", "capsule"):
         if name in top:
-            with located(name):
-                rows = tables(top.raw(name), name, "", _READERS[name][0])
+            with tables.located(name):
+                rows = tables.array_of_tables(top.raw(name), name, "", _READERS[name][0])
                 found |= {links.index(row.text("link", links)) for row in rows}
     return found
 
@@ -330,18 +322,18 @@ def _kinematics(top: TomlTable, path: Path) -> RobotModel:
 
 def _from_urdf(top: TomlTable, path: Path) -> RobotModel:
     file = path.parent / top.text("urdf")
-    if not is_there(file):
+    if not tables.is_there(file):
         raise RobotError(
             "no such URDF file; the path starts where the robot file is",
             where="urdf",
             value=top.text("urdf"),
-            next_step=f"Looked in {shown_path(path.parent.absolute())}",
+            next_step=f"Looked in {tables.shown_path(path.parent.absolute())}",
         )
     tip = top.text("tip") if "tip" in top else None
-    locked = locked_joints(top.raw("locked")) if "locked" in top else None
+    locked = tables.locked_joints(top.raw("locked")) if "locked" in top else None
     return urdf.robot_from_urdf(
-        read_limited(file, MAX_URDF),
-        where=shown_path(file),
+        tables.read_limited(file, urdf.MAX_BYTES),
+        where=tables.shown_path(file),
         file=file,
         tip=tip,
         locked=locked,
@@ -369,7 +361,9 @@ def _from_dh(top: TomlTable, path: Path) -> RobotModel:
 
 
 def _from_joints(top: TomlTable, path: Path) -> RobotModel:
-    rows = tables(top.raw("joint"), "joint", "", ("name", "type", "xyz", "rpy", "axis"))
+    rows = tables.array_of_tables(
+        top.raw("joint"), "joint", "", ("name", "type", "xyz", "rpy", "axis")
+    )
     placements = np.array([_row_pose(row) for row in rows])
     base = _pose(top, "base")
     if rows and base is not None:

@@ -212,7 +212,7 @@ class TomlTable:
         return RobotError(f"'{key}' {what}", where=self.where or None, value=value, limit=limit)
 
 
-def tables(values: object, name: str, where: str, known: Sequence[str]) -> list[TomlTable]:
+def array_of_tables(values: object, name: str, where: str, known: Sequence[str]) -> list[TomlTable]:
     """An array of tables.
 
     Raises:

@@ -68,7 +68,7 @@ def robot(
     widest = np.where(model.prismatic, 2.0, 2 * np.pi)
     return {
         "name": printable(model.name),
-        "joints": list(report.joint_labels(model.joint_names)),
+        "joints": list(figures.joint_labels(model.joint_names)),
         "prismatic": [bool(slides) for slides in model.prismatic],
         "lower": np.where(np.isfinite(low), low, -widest).tolist(),
         "upper": np.where(np.isfinite(high), high, widest).tolist(),
@@ -324,7 +324,7 @@ def _facts(item: report.ReportedEstimate) -> dict[str, Any]:
             "torque": plain(float(size[j])),
             "unit": figures.joint_unit("N.m", robot.prismatic[j : j + 1]),
         }
-        for j, name in enumerate(report.joint_labels(robot.joint_names))
+        for j, name in enumerate(figures.joint_labels(robot.joint_names))
     ]
     found["basis"] = "the recording it was made from" if own else "another recording"
     start = estimate.settings.start_s if own else None

@@ -13,10 +13,8 @@ import numpy as np
 
 from dynid import excitation, export, recording, robot
 from dynid.core import DynidError, InputError, JobError, JsonFields, printable
-from dynid.studio import facts, solids
-from dynid.studio.facts import judged_estimates
+from dynid.studio import facts, scene_editing, solids
 from dynid.studio.jobs import Job, JobState, Supervisor, TailReader
-from dynid.studio.scene_editing import KINDS, SceneEditor, open_scene
 from dynid.studio.session import Opened, Session, file_in, free_name, kind_of, open_path
 
 FILES = {
@@ -196,7 +194,7 @@ class Page:
                     "changes": editor.changes,
                     "error": session.scene_error,
                     "file": session.scene_name,
-                    "kinds": KINDS,
+                    "kinds": scene_editing.KINDS,
                 },
                 "files": {kind: free_name(session.folder, name) for kind, name in FILES.items()},
                 "criteria": list(excitation.CRITERIA),
@@ -254,7 +252,7 @@ class Page:
             self.session.certify()
             return f"{path.name} is open"
         if kind == "estimate":
-            found = judged_estimates(session.folder, None)
+            found = facts.judged_estimates(session.folder, None)
             if printable(path.name, 120) not in [item["name"] for item in found]:
                 raise InputError("this estimate cannot be evaluated", where=path.name)
             session.estimates.append(path)
@@ -262,7 +260,9 @@ class Page:
             return f"{path.name} is judged"
         if kind == "scene":
             with session.lock:
-                session.editor = SceneEditor(open_scene(path).to_json(), session.editor.changes + 1)
+                session.editor = scene_editing.SceneEditor(
+                    scene_editing.open_scene(path).to_json(), session.editor.changes + 1
+                )
             return f"the scene of {path.name} is taken"
         if suffix == ".parquet":
             with contextlib.suppress(DynidError):
@@ -393,7 +393,7 @@ class Page:
 
     def _results(self, output: Path | None) -> dict[str, Any]:
         self.session.check_idle()
-        self._results_known = judged_estimates(self.session.folder, output)
+        self._results_known = facts.judged_estimates(self.session.folder, output)
         return {"words": "" if output is None else f"written: {output.name}"}
 
     def _export(self, asked: JsonFields) -> dict[str, Any]:

@@ -10,17 +10,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from dynid.core import (
-    InputError,
-    JsonFields,
-    MotionBounds,
-    Provenance,
-    Value,
-    load_object,
-    plain,
-    write_json,
-)
-from dynid.core import provenance as made_now
+from dynid import core
 from dynid.trajectory import base, fourier, quintic
 from dynid.trajectory.points import MotionSequence, PointsFamily, PointToPoint, Repetition
 
@@ -48,7 +38,7 @@ def trajectory_to_json(trajectory: base.Trajectory) -> dict[str, Any]:
     """
     kind = next((name for name, made in KINDS.items() if type(trajectory) is made), None)
     if kind is None:
-        raise InputError(
+        raise core.InputError(
             "no file form for this trajectory",
             value=type(trajectory).__name__,
             limit=tuple(KINDS),
@@ -67,17 +57,17 @@ def _plain(value: object) -> object:
     return cast("Any", value).tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 
-def trajectory_from_json(stored: JsonFields, *, depth: int = 0) -> base.Trajectory:
+def trajectory_from_json(stored: core.JsonFields, *, depth: int = 0) -> base.Trajectory:
     """The trajectory of a JSON object that `trajectory_to_json` made, within so many sequences.
 
     Raises:
         InputError: An unknown type, or numbers that are not a trajectory of it.
     """
     if depth > _DEEPEST:
-        raise InputError("sequences within sequences", value=depth, limit=_DEEPEST)
+        raise core.InputError("sequences within sequences", value=depth, limit=_DEEPEST)
     kind = stored.text("type")
     if kind not in KINDS:
-        raise InputError(f"{stored.prefix}type is no kind of trajectory", value=kind)
+        raise core.InputError(f"{stored.prefix}type is no kind of trajectory", value=kind)
     made, inner = KINDS[kind], dict[str, Any]()
     if made is Repetition:
         inner["part"] = trajectory_from_json(stored.object("part"), depth=depth + 1)
@@ -98,16 +88,16 @@ _OWN = frozenset({"kind", "version", "robot", "trajectory", "limits", "provenanc
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StoredTrajectory(Value):
+class StoredTrajectory(core.Value):
     """A trajectory with what it was made for."""
 
     trajectory: base.Trajectory
     """The motion."""
     robot: str
     """Name or path of the robot."""
-    limits: MotionBounds
+    limits: core.MotionBounds
     """The limits it was made for, NaN where unknown."""
-    provenance: Provenance
+    provenance: core.Provenance
     """How it was made."""
     extra: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """What else its writer put into the file, by key."""
@@ -118,8 +108,8 @@ def write_trajectory(
     path: str | Path,
     *,
     robot: str | Path = "",
-    limits: MotionBounds | None = None,
-    provenance: Provenance | None = None,
+    limits: core.MotionBounds | None = None,
+    provenance: core.Provenance | None = None,
     extra: Mapping[str, Any] | None = None,
 ) -> None:
     """Write a trajectory as JSON; an interrupted write leaves the old file, or none.
@@ -150,24 +140,26 @@ def write_trajectory(
         trajectory = trajectory.trajectory
     if limits is None:
         unknown = np.full(trajectory.joints, np.nan)
-        limits = MotionBounds(
-            **dict.fromkeys((item.name for item in fields(MotionBounds)), unknown)
+        limits = core.MotionBounds(
+            **dict.fromkeys((item.name for item in fields(core.MotionBounds)), unknown)
         )
     if limits.joints != trajectory.joints:
-        raise InputError("joints of the limits", value=limits.joints, limit=trajectory.joints)
+        raise core.InputError("joints of the limits", value=limits.joints, limit=trajectory.joints)
     taken = sorted(_OWN & set(extra or ()))
     if taken:
-        raise InputError("these keys are the file's own", value=taken)
+        raise core.InputError("these keys are the file's own", value=taken)
     document = {
         "kind": _KIND,
         "version": _VERSION,
         "robot": str(robot),
         "trajectory": trajectory_to_json(trajectory),
         **(extra or {}),
-        "limits": {item.name: plain(getattr(limits, item.name)) for item in fields(MotionBounds)},
-        "provenance": (provenance or made_now()).to_json(),
+        "limits": {
+            item.name: core.plain(getattr(limits, item.name)) for item in fields(core.MotionBounds)
+        },
+        "provenance": (provenance or core.provenance()).to_json(),
     }
-    write_json(Path(path), document)
+    core.write_json(Path(path), document)
 
 
 def read_trajectory(path: str | Path) -> StoredTrajectory:
@@ -177,9 +169,9 @@ def read_trajectory(path: str | Path) -> StoredTrajectory:
         InputError: A file that is missing, is not JSON, is something else, or whose numbers
             are not a trajectory.
     """
-    whole = load_object(path)
+    whole = core.load_object(path)
     if whole.get("kind") != _KIND:
-        raise InputError(
+        raise core.InputError(
             "not a design and no other trajectory",
             where=str(path),
             value=whole.get("kind") or whole.get("format") or "a JSON object of another kind",
@@ -187,7 +179,7 @@ def read_trajectory(path: str | Path) -> StoredTrajectory:
         )
     version = whole.whole("version") if "version" in whole.values else None
     if version not in _VERSIONS:
-        raise InputError(
+        raise core.InputError(
             "unknown file version",
             where=str(path),
             value=version,
@@ -197,25 +189,27 @@ def read_trajectory(path: str | Path) -> StoredTrajectory:
     try:
         trajectory = trajectory_from_json(whole if version == 1 else whole.object("trajectory"))
         _check_size(trajectory)
-        limits = whole.object("limits").made(MotionBounds)
+        limits = whole.object("limits").made(core.MotionBounds)
         if limits.joints != trajectory.joints:
-            raise InputError("joints of the limits", value=limits.joints, limit=trajectory.joints)
+            raise core.InputError(
+                "joints of the limits", value=limits.joints, limit=trajectory.joints
+            )
         own = _OWN if version == _VERSION else _OWN | {"type", "period", "offset", "a", "b"}
         return StoredTrajectory(
             trajectory=trajectory,
             robot=whole.text("robot"),
             limits=limits,
-            provenance=whole.object("provenance").made(Provenance),
+            provenance=whole.object("provenance").made(core.Provenance),
             extra={key: value for key, value in whole.values.items() if key not in own},
         )
-    except InputError as error:
+    except core.InputError as error:
         raise error.changed(where=str(path), next_step=None) from error
 
 
 def _check_size(trajectory: base.Trajectory) -> None:
     """Refuse numbers with which nothing can be reckoned: they would overflow further on."""
     if not _SHORTEST <= trajectory.duration <= _LONGEST:
-        raise InputError(
+        raise core.InputError(
             "the motion's duration",
             value=trajectory.duration,
             limit=f"{_SHORTEST:g} to {_LONGEST:g} s",
@@ -226,7 +220,9 @@ def _check_size(trajectory: base.Trajectory) -> None:
     for name, values in (("position", motion.q), ("acceleration", motion.ddq)):
         largest = float(np.abs(values).max())
         if not largest < _LARGEST:
-            raise InputError(f"the motion's {name}", value=largest, limit=f"below {_LARGEST:g}")
+            raise core.InputError(
+                f"the motion's {name}", value=largest, limit=f"below {_LARGEST:g}"
+            )
 
 
 _FAMILIES: dict[str, type[base.SeriesFamily] | type[base.PoseFamily]] = {
@@ -253,7 +249,9 @@ def motion_family(name: str, duration: float, harmonics: int) -> base.MotionFami
         InputError: An unknown name, or a duration or number of harmonics that is not allowed.
     """
     if name not in _FAMILIES:
-        raise InputError("unknown family of motions", value=name, limit=", ".join(FAMILY_NAMES))
+        raise core.InputError(
+            "unknown family of motions", value=name, limit=", ".join(FAMILY_NAMES)
+        )
     made = _FAMILIES[name]
     if issubclass(made, base.SeriesFamily):
         return made(period=duration, harmonics=harmonics)
@@ -279,7 +277,7 @@ def sampled(trajectory: base.Trajectory, rate_hz: float) -> base.JointMotion:
     base.require_positive("the rate", rate_hz)
     steps = math.ceil(trajectory.duration * rate_hz - _LATE)
     if steps > _MOST:
-        raise InputError("samples of the motion", value=steps, limit=_MOST)
+        raise core.InputError("samples of the motion", value=steps, limit=_MOST)
     return trajectory.evaluate(np.append(np.arange(steps) / rate_hz, trajectory.duration))
 
 
@@ -301,7 +299,9 @@ def csv_text(
     motion = sampled(trajectory, rate_hz)
     names = list(units) if units is not None else ["rad"] * trajectory.joints
     if len(names) != trajectory.joints or not set(names) <= {"rad", "m"}:
-        raise InputError("one unit a joint, rad or m", value=tuple(names), limit=trajectory.joints)
+        raise core.InputError(
+            "one unit a joint, rad or m", value=tuple(names), limit=trajectory.joints
+        )
     header = ["t [s]"] + [
         f"{quantity}{joint} [{unit}{per}]"
         for quantity, per in (("q", ""), ("dq", "/s"), ("ddq", "/s^2"))
@@ -329,7 +329,7 @@ def joint_trajectory_yaml(
         InputError: A rate that is not positive, or names that do not fit the joints.
     """
     if len(joint_names) != trajectory.joints or len(set(joint_names)) != len(joint_names):
-        raise InputError(
+        raise core.InputError(
             "one name a joint, each once", value=tuple(joint_names), limit=trajectory.joints
         )
     motion, jumps = sampled(trajectory, rate_hz), np.array(list(_jumps(trajectory, 0.0)))

@@ -13,19 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from dynid import core, excitation, signals
-from dynid.constraints import Certificate, MotionConstraints, Unjudged, certify
+from dynid import constraints, core, excitation, signals, trajectory
 from dynid.robot import RobotLike, RobotModel, Tool, load_robot, robot_to_json
 from dynid.settings import LimitSettings, SceneSettings
-from dynid.trajectory import (
-    JointMotion,
-    StoredTrajectory,
-    Trajectory,
-    read_trajectory,
-    through_poses,
-    trajectory_to_json,
-    write_trajectory,
-)
 from dynid.workflow.design_limits import DesignLimits, given_limits, limits_from_json
 from dynid.workflow.identify import PROMISED
 from dynid.workflow.recordings import robot_reference
@@ -51,7 +41,11 @@ def robot_hash(robot: RobotModel) -> str:
 
 
 def _digest_of(
-    stored: StoredTrajectory, facts: Mapping[str, Any], limits: DesignLimits, robot: str, tool: Tool
+    stored: trajectory.StoredTrajectory,
+    facts: Mapping[str, Any],
+    limits: DesignLimits,
+    robot: str,
+    tool: Tool,
 ) -> dict[str, str]:
     """Hashes of what a certificate is about, one a subject, and of them all.
 
@@ -67,7 +61,7 @@ def _digest_of(
     more = {name: value for name, value in stored.extra.items() if name != "design"} | unknown
     bounds = {name: value.tolist() for name, value in asdict(stored.limits).items()}
     parts = {
-        "motion": core.content_hash(trajectory_to_json(stored.trajectory)),
+        "motion": core.content_hash(trajectory.trajectory_to_json(stored.trajectory)),
         "robot": robot,
         "scene": core.content_hash(around),
         "tool": core.content_hash({name: np.ravel(x).tolist() for name, x in asdict(tool).items()}),
@@ -82,7 +76,7 @@ def _digest_of(
 class StoredDesign(core.Value):
     """A design, or any trajectory, as its file holds it."""
 
-    stored: StoredTrajectory
+    stored: trajectory.StoredTrajectory
     """The motion and what it was made for."""
     robot: RobotModel
     """As mounted in the design."""
@@ -113,12 +107,19 @@ class StoredDesign(core.Value):
         return f"changed since it was certified: {', '.join(self.changed)}"
 
 
-DesignLike = excitation.ExcitationDesign | StoredDesign | StoredTrajectory | Trajectory | str | Path
+DesignLike = (
+    excitation.ExcitationDesign
+    | StoredDesign
+    | trajectory.StoredTrajectory
+    | trajectory.Trajectory
+    | str
+    | Path
+)
 """A design, what `read_design` or `read_trajectory` found, or the file of either; a trajectory
 beside a robot."""
 
 
-def open_trajectory(motion: DesignLike) -> Trajectory:
+def open_trajectory(motion: DesignLike) -> trajectory.Trajectory:
     """One period of a motion.
 
     Args:
@@ -128,17 +129,22 @@ def open_trajectory(motion: DesignLike) -> Trajectory:
         InputError: As `read_trajectory`; or no motion.
     """
     if isinstance(motion, str | Path):
-        motion = read_trajectory(motion)
+        motion = trajectory.read_trajectory(motion)
     elif isinstance(motion, StoredDesign):
         motion = motion.stored
-    found = motion if isinstance(motion, Trajectory) else getattr(motion, "trajectory", None)
-    if not isinstance(found, Trajectory):
+    found = (
+        motion if isinstance(motion, trajectory.Trajectory) else getattr(motion, "trajectory", None)
+    )
+    if not isinstance(found, trajectory.Trajectory):
         raise core.InputError("not a trajectory, a design or its file", value=type(motion).__name__)
     return found
 
 
 def write_design(
-    design: excitation.ExcitationDesign | StoredDesign | StoredTrajectory | Trajectory,
+    design: excitation.ExcitationDesign
+    | StoredDesign
+    | trajectory.StoredTrajectory
+    | trajectory.Trajectory,
     path: str | Path,
     *,
     robot: RobotLike | None = None,
@@ -155,14 +161,16 @@ def write_design(
         InputError: A place where no such file can be.
         JobError: The disk does not take it.
     """
-    if isinstance(design, Trajectory):
+    if isinstance(design, trajectory.Trajectory):
         design = _beside(design, robot)
     if not isinstance(design, excitation.ExcitationDesign):
-        write_trajectory(design.stored if isinstance(design, StoredDesign) else design, path)
+        trajectory.write_trajectory(
+            design.stored if isinstance(design, StoredDesign) else design, path
+        )
         return
     facts = design.to_json()
     limits = limits_from_json(core.JsonFields(facts).object("limits"))
-    stored = StoredTrajectory(
+    stored = trajectory.StoredTrajectory(
         trajectory=design.trajectory,
         robot=design.robot,
         limits=design.limits.motion,
@@ -175,11 +183,11 @@ def write_design(
     facts["digest"] = _digest_of(
         stored, facts, limits, str(facts["limits"].pop(ROBOT, robot_hash(robot))), robot.tool
     )
-    write_trajectory(stored, path, extra={"design": facts})
+    trajectory.write_trajectory(stored, path, extra={"design": facts})
 
 
 def _beside(
-    trajectory: Trajectory, robot: RobotLike | None, asked: SceneSettings | None = None
+    motion: trajectory.Trajectory, robot: RobotLike | None, asked: SceneSettings | None = None
 ) -> StoredDesign:
     """A trajectory, which needs no file form, for a robot beside it."""
     if robot is None:
@@ -189,9 +197,9 @@ def _beside(
     around = asked or SceneSettings()
     folders = tuple(map(Path, around.mesh_dirs or ()))
     model = load_robot(robot, mount=around.mount, mesh_dirs=folders)
-    _check_joints(trajectory, model, type(trajectory).__name__)
-    stored = StoredTrajectory(
-        trajectory=trajectory,
+    _check_joints(motion, model, type(motion).__name__)
+    stored = trajectory.StoredTrajectory(
+        trajectory=motion,
         robot=robot_reference(robot),
         limits=model.limits.motion,
         provenance=core.provenance(),
@@ -217,7 +225,7 @@ def read_design(
     Raises:
         InputError: Not a design, or its robot cannot be read or has other joints.
     """
-    stored = read_trajectory(path)
+    stored = trajectory.read_trajectory(path)
     facts: dict[str, Any] = {}
     limits, expected = None, None
     with _in_file(path):
@@ -253,12 +261,12 @@ def read_design(
         return replace(found, robot=model, changed=_changed(stored, facts, limits, model))
 
 
-def _check_joints(trajectory: Trajectory, robot: RobotModel, path: str | Path) -> None:
-    if robot.joints != trajectory.joints:
+def _check_joints(motion: trajectory.Trajectory, robot: RobotModel, path: str | Path) -> None:
+    if robot.joints != motion.joints:
         raise core.InputError(
             "the motion is one of another robot",
             where=str(path),
-            value=f"{trajectory.joints} joints",
+            value=f"{motion.joints} joints",
             limit=f"{robot.joints} of {robot.name}",
         )
 
@@ -303,7 +311,10 @@ def design_file(design: DesignLike, robot: RobotLike | None = None) -> Generator
 
 
 def _changed(
-    stored: StoredTrajectory, facts: dict[str, Any], limits: DesignLimits, robot: RobotModel
+    stored: trajectory.StoredTrajectory,
+    facts: dict[str, Any],
+    limits: DesignLimits,
+    robot: RobotModel,
 ) -> tuple[str, ...]:
     if "digest" not in facts:
         return ()
@@ -322,7 +333,9 @@ def _mount(facts: dict[str, Any]) -> str | None:
     return mount if isinstance(mount, str) and mount != "file" else None
 
 
-def judge_of(design: StoredDesign, asked: SceneSettings) -> tuple[DesignLimits, MotionConstraints]:
+def judge_of(
+    design: StoredDesign, asked: SceneSettings
+) -> tuple[DesignLimits, constraints.MotionConstraints]:
     """What a design is held to, and the judge of it.
 
     Limits that were edited in the file, or that no digest confirms, hold where they are stricter
@@ -346,7 +359,7 @@ def judge_of(design: StoredDesign, asked: SceneSettings) -> tuple[DesignLimits, 
         cause = "the scene was edited since the motion was certified"
         if base is not None and not moved:
             cause = f"{base.scene_file} is not the scene for which the motion was certified"
-        lost = Unjudged(
+        lost = constraints.Unjudged(
             kind="environment",
             causes=(cause,),
             next_step='Pass the scene: --scene SCENE.json ({"shapes": []} for an empty one).',
@@ -373,7 +386,7 @@ class Check:
     """What was judged."""
     limits: DesignLimits
     """What it was held to."""
-    certificate: Certificate
+    certificate: constraints.Certificate
     """Remaining margin of each limit, and where it is least."""
 
     @property
@@ -420,17 +433,17 @@ def check(
         InputError: Not a design, a scene that makes no sense, or one that would not be looked at.
     """
     asked = replace(settings or LimitSettings(), **more)
-    if isinstance(design, Trajectory):
+    if isinstance(design, trajectory.Trajectory):
         stored = _beside(design, robot, asked)
     else:
         with design_file(design, robot) as path:
             stored = read_design(path, robot=robot, mount=asked.mount, mesh_dirs=asked.mesh_dirs)
     held, judge = judge_of(stored, asked)
-    found = certify(stored.stored.trajectory, judge)
+    found = constraints.certify(stored.stored.trajectory, judge)
     return Check(design=stored, limits=held, certificate=found)
 
 
-def motions_from(paths: Sequence[str | Path], robot: RobotModel) -> list[JointMotion]:
+def motions_from(paths: Sequence[str | Path], robot: RobotModel) -> list[trajectory.JointMotion]:
     """The motions of designs or other trajectory files, of recordings, and of lists of poses.
 
     A JSON object with a list `poses` stands for a way through them at half the arm's speed.
@@ -438,20 +451,24 @@ def motions_from(paths: Sequence[str | Path], robot: RobotModel) -> list[JointMo
     Raises:
         InputError: A file that is none of these, or one of another robot.
     """
-    motions: list[JointMotion] = []
+    motions: list[trajectory.JointMotion] = []
     for path in paths:
         if Path(path).suffix.lower() != ".json":
             samples = signals.process(path, robot)
-            motions.append(JointMotion(t=samples.t, q=samples.q, dq=samples.dq, ddq=samples.ddq))
+            motions.append(
+                trajectory.JointMotion(t=samples.t, q=samples.q, dq=samples.dq, ddq=samples.ddq)
+            )
             continue
         fields = core.load_object(path)
         with _in_file(path):
             if "poses" in fields.values:
                 poses = fields.matrix("poses")
-                trajectory = through_poses(poses, robot.limits, acceleration=POSE_ACCELERATION)
+                motion = trajectory.through_poses(
+                    poses, robot.limits, acceleration=POSE_ACCELERATION
+                )
             else:
-                trajectory = read_trajectory(path).trajectory
-        _check_joints(trajectory, robot, path)
-        times = np.arange(0.0, trajectory.duration, 1 / POSE_RATE_HZ)
-        motions.append(trajectory.evaluate(times))
+                motion = trajectory.read_trajectory(path).trajectory
+        _check_joints(motion, robot, path)
+        times = np.arange(0.0, motion.duration, 1 / POSE_RATE_HZ)
+        motions.append(motion.evaluate(times))
     return motions

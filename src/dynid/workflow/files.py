@@ -8,22 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from dynid import core, signals
+from dynid import core, recording, signals
 from dynid.export import ExportedFile, write_model
 from dynid.identification import Estimate, open_estimate, write_estimate
-from dynid.recording import (
-    LONG,
-    AnyRecording,
-    ExperimentRecord,
-    RecordLike,
-    as_list,
-    fingerprint,
-    local_files,
-    open_any,
-    open_record,
-    recording_name,
-    write_record,
-)
+from dynid.recording import AnyRecording, ExperimentRecord, RecordLike, open_record
 from dynid.robot import RobotLike, load_robot
 from dynid.settings import IdentifySettings
 from dynid.validation import REFIT, ValidationResult, refit_friction, samples_of, validate
@@ -58,10 +46,10 @@ def identify_files(
         JobError: A singular problem.
     """
     others = [] if validation is None else [validation]
-    with local_files([*recordings, *others]) as paths:
+    with recording.local_files([*recordings, *others]) as paths:
         files = paths[: len(recordings)]
         model = robot_of(files, robot)
-        records = open_any(files, model, gains)
+        records = recording.open_any(files, model, gains)
         if gains is not None:
             # Remembered with the estimate, for recordings of the robot that are without.
             model = replace(model, drives=replace(model.drives, gain=np.array(gains)))
@@ -118,12 +106,12 @@ def _window_of(
     if isinstance(record, ExperimentRecord):
         return record
     grid = signals.survey(record, start_s, stop_s)
-    if grid.last_row - grid.first_row > LONG:
+    if grid.last_row - grid.first_row > recording.LONG:
         raise core.InputError(
             "the window is too long to be predicted at once",
             where="--from, --to",
             value=f"{grid.last_row - grid.first_row} rows",
-            limit=f"{LONG} rows",
+            limit=f"{recording.LONG} rows",
         )
     return signals.rows_of(record, grid.first_row, grid.last_row)
 
@@ -173,7 +161,7 @@ def _refitted(
     found = refit_friction(estimate, samples_of(estimate, record, start_s=start_s, stop_s=stop_s))
     name, made = record.metadata.origin or "the recording", estimate.provenance
     start, stop = start_s or 0.0, record.duration_s if stop_s is None else stop_s
-    rows = {"record": fingerprint(record), "start_s": start, "stop_s": stop}
+    rows = {"record": recording.fingerprint(record), "start_s": start, "stop_s": stop}
     whole = start_s is None and stop_s is None
     words = f"friction refitted to {name}{'' if whole else f', {start:g} s to {stop:g} s'}"
     return replace(
@@ -254,7 +242,7 @@ def fit(
         JobError: A singular problem, or a full disk.
     """
     tell = progress or core.silent
-    given = as_list(logs)
+    given = recording.as_list(logs)
     if not given:
         raise core.InputError("needs at least one log")
     model = load_robot(robot, collision=False)
@@ -263,7 +251,9 @@ def fit(
     if validation is not None:
         read["validation"] = validation
     names = {
-        kind: kind if isinstance(log, ExperimentRecord) else f"{kind}_{recording_name(log)}"
+        kind: kind
+        if isinstance(log, ExperimentRecord)
+        else f"{kind}_{recording.recording_name(log)}"
         for kind, log in read.items()
     }
     paths = [Path(output) / f"{name}.parquet" for name in names.values()]
@@ -288,7 +278,7 @@ def fit(
         unfinished, "The fit that wrote these files has not ended: the next replaces them.\n"
     )
     for record, path in zip(records, paths, strict=True):
-        write_record(of_robot(record, robot), path)
+        recording.write_record(of_robot(record, robot), path)
     write_estimate(result.estimate, folder / ESTIMATE)
     exports: list[ExportedFile] = []
     failed: list[tuple[str, str]] = []

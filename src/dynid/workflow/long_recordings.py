@@ -11,19 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid import core, identification, validation
+from dynid import core, identification, signals, validation
 from dynid.recording import AnyRecording, ExperimentRecord, checked_records, fingerprint
 from dynid.robot import RobotModel
 from dynid.settings import IdentifySettings
-from dynid.signals import (
-    LongSignals,
-    ProcessingSettings,
-    StreamGrid,
-    default_cutoff,
-    rows_of,
-    survey,
-    uniform_signals,
-)
 from dynid.workflow.choosing import made_from, prepare, require_cutoff, require_torques
 
 CHOOSING_ROWS = 90_000
@@ -51,7 +42,7 @@ class Looked:
     estimate: identification.Estimate
     training: validation.ValidationResult
     records: tuple[ExperimentRecord, ...]
-    window: ProcessingSettings
+    window: signals.ProcessingSettings
     """Which window of these recordings."""
 
 
@@ -75,17 +66,19 @@ def fit_long(
     tell("looking at the recordings", 0.0)
     if len({fingerprint(recording) for recording in recordings}) < len(recordings):
         raise core.InputError("a recording is given twice", value=f"{len(recordings)} recordings")
-    grids = [survey(recording, settings.start_s, settings.stop_s) for recording in recordings]
+    grids = [
+        signals.survey(recording, settings.start_s, settings.stop_s) for recording in recordings
+    ]
     require_cutoff(min(grid.rate_hz for grid in grids), settings.cutoff_hz)
     pieces, origins, stretch = _subset(recordings, grids)
     for _, own in groupby(zip(origins, pieces, strict=True), key=lambda pair: pair[0][0]):
         require_torques([piece for _, piece in own], robot)
     looked_at = checked_records([stretch])[0]
-    processing = ProcessingSettings(cutoff_hz=settings.cutoff_hz, decimate=True)
+    processing = signals.ProcessingSettings(cutoff_hz=settings.cutoff_hz, decimate=True)
     if settings.preset != "best" and settings.cutoff_hz is None:
         # One for all, which suits the fastest piece.
-        signals = [uniform_signals(piece, robot, processing) for piece in pieces]
-        cutoff = max(default_cutoff(found.q, found.rate_hz) for found in signals)
+        uniform = [signals.uniform_signals(piece, robot, processing) for piece in pieces]
+        cutoff = max(signals.default_cutoff(found.q, found.rate_hz) for found in uniform)
         processing = replace(processing, cutoff_hz=cutoff)
     found = prepare(
         pieces,
@@ -110,7 +103,7 @@ def fit_long(
         stop_s=settings.stop_s,
     )
     everything = [
-        LongSignals(
+        signals.LongSignals(
             recording=recording,
             robot=robot,
             settings=settled,
@@ -119,7 +112,7 @@ def fit_long(
         )
         for recording, grid in zip(recordings, grids, strict=True)
     ]
-    rows = sum(_rows(signals) for signals in everything)
+    rows = sum(map(_rows, everything))
     halves: list[tuple[int, bool]] = []
     if len(recordings) > 1:
         halves = [(_group(k, len(recordings)), later) for k, later in origins]
@@ -145,12 +138,12 @@ def fit_long(
         estimate=replace(estimate, settings=settled),
         training=validation.reproduce(estimate, looked_at),
         records=(looked_at,),
-        window=ProcessingSettings(),
+        window=signals.ProcessingSettings(),
     )
 
 
 def _subset(
-    recordings: Sequence[AnyRecording], grids: Sequence[StreamGrid]
+    recordings: Sequence[AnyRecording], grids: Sequence[signals.StreamGrid]
 ) -> tuple[list[ExperimentRecord], list[tuple[int, bool]], ExperimentRecord]:
     """Pieces spread evenly over the windows of the recordings, where the arm moves most.
 
@@ -172,23 +165,23 @@ def _subset(
             offset = place - int(ends[source]) + own
             first = grid.first_row + min(offset, max(own - length, 0))
             last = min(first + length, grid.last_row)
-            moved = rows_of(recordings[source], first, last, positions=True).signals["q"]
+            moved = signals.rows_of(recordings[source], first, last, positions=True).signals["q"]
             tried.append((float(np.abs(np.diff(moved, axis=0)).sum()), source, first, last))
         best.append(max(tried, key=lambda one: one[0]))
     _, source, first, last = max(best, key=lambda one: one[0])
     grid, half = grids[source], LOOKED_AT_ROWS // 2
     middle = min(max((first + last) // 2, grid.first_row + half), grid.last_row - half)
     begin, end = max(middle - half, grid.first_row), min(middle + half, grid.last_row)
-    pieces = [rows_of(recordings[k], a, b) for _, k, a, b in best]
+    pieces = [signals.rows_of(recordings[k], a, b) for _, k, a, b in best]
     origins = [(k, a + b > grids[k].first_row + grids[k].last_row) for _, k, a, b in best]
-    return pieces, origins, rows_of(recordings[source], begin, end)
+    return pieces, origins, signals.rows_of(recordings[source], begin, end)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _PassPart:
     """Some samples of one recording, for a worker."""
 
-    signals: LongSignals
+    whole: signals.LongSignals
     plan: identification.PassPlan
     first: int
     last: int
@@ -200,10 +193,10 @@ class _PassPart:
 
 def _sum_part(part: _PassPart) -> identification.RowSums:
     """The sums of a part, in any process."""
-    signals, passed = part.signals, part.signals.settings.torque_filter
-    reach = 0 if passed is None else passed.reach(signals.grid.rate_hz)
+    whole, passed = part.whole, part.whole.settings.torque_filter
+    reach = 0 if passed is None else passed.reach(whole.grid.rate_hz)
     wide = max(part.first - reach, 0)
-    samples = signals.samples(wide, min(part.last + reach, signals.count))
+    samples = whole.samples(wide, min(part.last + reach, whole.count))
     inner = slice(part.first - wide, part.last - wide)
     panels = identification.PanelRows(part.plan.base)
     return identification.sum_rows(
@@ -212,7 +205,7 @@ def _sum_part(part: _PassPart) -> identification.RowSums:
 
 
 def _run_pass(
-    everything: Sequence[LongSignals],
+    everything: Sequence[signals.LongSignals],
     plan: identification.PassPlan,
     *,
     beside: core.Workers,
@@ -251,30 +244,32 @@ def _group(recording: int, recordings: int) -> int:
     return recording * min(recordings, MOST_LEFT_OUT) // recordings
 
 
-def _rows(signals: LongSignals) -> int:
-    return (signals.used.stop - signals.used.start) // signals.block
+def _rows(whole: signals.LongSignals) -> int:
+    return (whole.used.stop - whole.used.start) // whole.block
 
 
-def _parts(everything: Sequence[LongSignals], plan: identification.PassPlan) -> Iterator[_PassPart]:
-    rows = sum(_rows(signals) for signals in everything)
+def _parts(
+    everything: Sequence[signals.LongSignals], plan: identification.PassPlan
+) -> Iterator[_PassPart]:
+    rows = sum(map(_rows, everything))
     before = 0
-    for recording, signals in enumerate(everything):
-        start, count = signals.used.start, _rows(signals) * signals.block
-        step = max(1, PART // signals.block) * signals.block
+    for recording, whole in enumerate(everything):
+        start, count = whole.used.start, _rows(whole) * whole.block
+        step = max(1, PART // whole.block) * whole.block
         for first in range(start, start + count, step):
             last = min(first + step, start + count)
             yield _PassPart(
-                signals=signals,
+                whole=whole,
                 plan=plan,
                 first=first,
                 last=last,
-                rows_before=before + (first - start) // signals.block,
+                rows_before=before + (first - start) // whole.block,
                 rows=rows,
                 left_out_with=plan.left_out_with(
                     _group(recording, len(everything)), 2 * (first - start) >= count
                 ),
             )
-        before += _rows(signals)
+        before += _rows(whole)
 
 
 def _key(parts: Sequence[_PassPart]) -> str:
@@ -282,9 +277,9 @@ def _key(parts: Sequence[_PassPart]) -> str:
     plan = parts[0].plan
     digest = hashlib.sha256()
     for part in parts:
-        if part.first == part.signals.used.start:
-            settings = json.dumps(part.signals.settings.to_json(), sort_keys=True)
-            digest.update(f"{fingerprint(part.signals.recording)} {settings}".encode())
+        if part.first == part.whole.used.start:
+            settings = json.dumps(part.whole.settings.to_json(), sort_keys=True)
+            digest.update(f"{fingerprint(part.whole.recording)} {settings}".encode())
     for values in (plan.values, plan.weights, np.array([plan.lag, len(parts), parts[0].rows])):
         digest.update(np.asarray(values, dtype=np.float64).tobytes())
     told = plan.base.model.friction, plan.base.independent, plan.factors, plan.halved

@@ -15,19 +15,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dynid import core, diagnosis, reduction
-from dynid.constraints import DISTANCES
+from dynid import constraints, core, diagnosis, reduction
+from dynid import report as pages
 from dynid.identification import FORMAT, Estimate, read_estimate, standard_posterior
 from dynid.recording import ExperimentRecord, identity, open_record, read_record
-from dynid.report import (
-    Events,
-    JudgedMotion,
-    KnownTruth,
-    ReportContents,
-    ReportedDesign,
-    ReportedEstimate,
-    write_report,
-)
 from dynid.robot import move
 from dynid.validation import ParameterComparison, ValidationResult, compare, reproduce, validate
 from dynid.workflow import design_files, running
@@ -48,11 +39,11 @@ FACTS = {
 }
 
 
-def _reported_design(path: Path) -> ReportedDesign:
+def _reported_design(path: Path) -> pages.ReportedDesign:
     """Read a design or a trajectory and judge it at instants."""
     found = design_files.read_design(path)
     stored, facts = found.stored, found.facts
-    return ReportedDesign(
+    return pages.ReportedDesign(
         name=path.name,
         trajectory=stored.trajectory,
         robot=found.robot,
@@ -81,7 +72,7 @@ def _search(history: Any) -> tuple[core.Array, core.Array] | None:
     return None if len(table) < 2 else (table[:, 0], np.fmin.accumulate(table[:, 1]))
 
 
-def _judged(found: design_files.StoredDesign) -> JudgedMotion | None:
+def _judged(found: design_files.StoredDesign) -> pages.JudgedMotion | None:
     if found.limits is None:
         return None
     judge = found.limits.constraints(found.robot)
@@ -91,8 +82,12 @@ def _judged(found: design_files.StoredDesign) -> JudgedMotion | None:
     usages = [judge.usage(*row) for row in rows]
     shares = np.array([[1.0 - usage.worst[kind].margin for kind in KINDS] for usage in usages])
     # Each pair has a clearance of its own: beyond it, one line at zero is the limit of all.
-    gaps = np.array([[usage.worst[kind].room for kind in DISTANCES] for usage in usages])
-    return JudgedMotion(t=t, kinds=KINDS, shares=shares, distance_kinds=DISTANCES, distances=gaps)
+    gaps = np.array(
+        [[usage.worst[kind].room for kind in constraints.DISTANCES] for usage in usages]
+    )
+    return pages.JudgedMotion(
+        t=t, kinds=KINDS, shares=shares, distance_kinds=constraints.DISTANCES, distances=gaps
+    )
 
 
 def _instants(found: design_files.StoredDesign) -> core.Array:
@@ -120,13 +115,13 @@ class _Partner(NamedTuple):
 
 def _reported_estimate(
     path: Path, estimate: Estimate, records: Mapping[str, ExperimentRecord]
-) -> ReportedEstimate:
+) -> pages.ReportedEstimate:
     """Predict an estimate's own record (known by its hash) and another motion, and judge it."""
     inputs = set(estimate.provenance.inputs.values())
     own = {key: record for key, record in records.items() if identity(record) in inputs}
     findings = estimate.warnings
     base = reduction.reduce_model(estimate.model)
-    item = ReportedEstimate(
+    item = pages.ReportedEstimate(
         name=path.name,
         label=f"preset {estimate.preset}",
         estimate=estimate,
@@ -186,7 +181,7 @@ def _conditions(record: ExperimentRecord) -> tuple[str, ...]:
     return tuple(words)
 
 
-def _truth(recordings: list[Path], estimate: Estimate) -> KnownTruth | None:
+def _truth(recordings: list[Path], estimate: Estimate) -> pages.KnownTruth | None:
     """What a simulation wrote beside a recording, in the estimate's frames."""
     robot = estimate.model.robot
     for file in filter(Path.exists, map(running.truth_path, recordings)):
@@ -195,13 +190,13 @@ def _truth(recordings: list[Path], estimate: Estimate) -> KnownTruth | None:
             if rows.shape == (robot.joints, 13):
                 inverses = np.linalg.inv(robot.parameter_frames[estimate.model.frames])
                 links = [move(row[:10], turn) for row, turn in zip(rows, inverses, strict=True)]
-                return KnownTruth(
+                return pages.KnownTruth(
                     inertials=np.array(links), coulomb=rows[:, 10], viscous=rows[:, 11]
                 )
     return None
 
 
-def _events(estimate: Estimate, shown: ValidationResult) -> Events:
+def _events(estimate: Estimate, shown: ValidationResult) -> pages.Events:
     """Contacts in what is shown, and stretches without samples."""
     steps = np.diff(shown.t)
     usual = float(np.median(steps)) if len(steps) else 0.0
@@ -214,7 +209,7 @@ def _events(estimate: Estimate, shown: ValidationResult) -> Events:
         error = shown.measured - shown.predicted
         contacts = diagnosis.contact_stretches(robot, shown.t, shown.dq, error, held)
     left_out = tuple((float(shown.t[k]), float(shown.t[k + 1])) for k in gaps)
-    return Events(contacts=contacts, left_out=left_out)
+    return pages.Events(contacts=contacts, left_out=left_out)
 
 
 def _partner(
@@ -263,13 +258,13 @@ MOST_ESTIMATES = 6
 class _Found(NamedTuple):
     estimates: dict[str, Estimate]
     records: dict[str, ExperimentRecord]
-    designs: list[ReportedDesign]
+    designs: list[pages.ReportedDesign]
     skipped: list[tuple[str, str]]
 
 
 def report(
     directory: str | Path, output: str | Path, *, progress: core.Progress | None = None
-) -> tuple[Path, ReportContents]:
+) -> tuple[Path, pages.ReportContents]:
     """Write a page about the estimates, recordings and designs in a directory.
 
     An estimate knows its recording by its hash; other recordings of the same robot validate it, or
@@ -296,7 +291,7 @@ def report(
         )
     chosen = dict(itertools.islice(found.estimates.items(), MOST_ESTIMATES))
     many = f"a page shows {MOST_ESTIMATES} estimates at most"
-    estimates: list[ReportedEstimate] = []
+    estimates: list[pages.ReportedEstimate] = []
     for k, (name, estimate) in enumerate(chosen.items()):
         tell(f"predict with {name}", 0.3 + 0.5 * k / len(chosen))
         estimates.append(_reported_estimate(folder / name, estimate, found.records))
@@ -309,7 +304,7 @@ def report(
     ]
     compared = tuple(_comparisons(estimates))
     estimates.sort(key=_decides)
-    contents = ReportContents(
+    contents = pages.ReportContents(
         robot=_robot_name(estimates[0], found.records),
         date=_date(estimates[0].estimate.provenance.created),
         directory=folder,
@@ -322,7 +317,7 @@ def report(
             *((name, many) for name in found.estimates if name not in chosen),
         ),
     )
-    return write_report(contents, output), contents
+    return pages.write_report(contents, output), contents
 
 
 def _reporting_search(folder: Path, tell: core.Progress) -> _Found:
@@ -356,7 +351,7 @@ def _reporting_search(folder: Path, tell: core.Progress) -> _Found:
 
 
 def _comparisons(
-    estimates: list[ReportedEstimate],
+    estimates: list[pages.ReportedEstimate],
 ) -> Iterator[tuple[str, str, ParameterComparison]]:
     for first, second in itertools.pairwise(estimates):
         try:
@@ -366,13 +361,13 @@ def _comparisons(
             continue
 
 
-def _decides(item: ReportedEstimate) -> tuple[bool, float, str]:
+def _decides(item: pages.ReportedEstimate) -> tuple[bool, float, str]:
     """The estimate that the page is about comes first: chosen settings, then the smallest error."""
     error = np.inf if item.errors is None else item.errors.moving
     return item.estimate.preset != "best", error, item.name
 
 
-def _robot_name(item: ReportedEstimate, records: Mapping[str, ExperimentRecord]) -> str:
+def _robot_name(item: pages.ReportedEstimate, records: Mapping[str, ExperimentRecord]) -> str:
     """The robot for people: what its controller calls it, or else its name without folders."""
     record = records.get(item.training_name)
     model = None if record is None else record.metadata.extra.get("model")

@@ -15,11 +15,7 @@ from typing import Any
 import numpy as np
 
 from dynid import core, drivers, experiment, simulation
-from dynid.recording import (
-    ExperimentRecord,
-    RecordMetadata,
-    RecordWriter,
-)
+from dynid.recording import ExperimentRecord, RecordMetadata, RecordWriter
 from dynid.robot import PARAMETERS, RobotLike, RobotModel, load_robot
 from dynid.settings import RunSettings
 from dynid.workflow import design_files, design_limits, recordings

@@ -11,12 +11,9 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
-from dynid import excitation, recording, reduction
+from dynid import excitation, experiment, recording, reduction, regressor, trajectory
 from dynid.core import InputError, JobError, Progress, require_absent
-from dynid.experiment import interruptible
-from dynid.regressor import InverseDynamicModel
 from dynid.settings import DesignSettings, IdentifySettings, RunSettings, SceneSettings
-from dynid.trajectory import JointMotion
 from dynid.workflow import design_files, running
 from dynid.workflow.designing import design
 from dynid.workflow.identify import LONGER, Accuracy, accuracy, identify
@@ -171,7 +168,7 @@ def run_until(
             previous = (*again.previous, *map(str, records))
             more = replace(again, previous=previous, seed=again.seed + number - 1)
             robot = stored.stored.robot if asked.robot is None else asked.robot
-            with interruptible():
+            with experiment.interruptible():
                 if design(robot, more, output=place, progress=progress).interrupted:
                     raise KeyboardInterrupt
         run = running.run_design(
@@ -188,7 +185,7 @@ def run_until(
             ended = STOPPED
             break
         records.append(run.record)
-        with interruptible():
+        with experiment.interruptible():
             several = recording.open_several(records, stored.robot)
             result = identify(several, stored.robot, identification, progress=progress)
             told = accuracy(result.estimate, several, result.training.dq, motions)
@@ -229,11 +226,15 @@ def _settings(stored: design_files.StoredDesign, place: Path) -> DesignSettings:
     return replace(DesignSettings(**values), accuracy_percent=None)
 
 
-def _purpose(stored: design_files.StoredDesign, asked: DesignSettings) -> list[JointMotion]:
+def _purpose(
+    stored: design_files.StoredDesign, asked: DesignSettings
+) -> list[trajectory.JointMotion]:
     """The motions that the model is for."""
     if asked.motions:
         return design_files.motions_from(asked.motions, stored.robot)
-    base = reduction.reduce_model(InverseDynamicModel(robot=stored.robot, frames=asked.frames))
+    base = reduction.reduce_model(
+        regressor.InverseDynamicModel(robot=stored.robot, frames=asked.frames)
+    )
     if stored.limits is None:
         return []
     return excitation.safe_motions(base, stored.limits.constraints(stored.robot))

@@ -5,22 +5,8 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 
-from dynid.core import DynidError
-from dynid.protocol import (
-    IN_USE,
-    INPUTS,
-    NOT_FOUND,
-    OUTPUTS,
-    Field,
-    Framer,
-    Kind,
-    Packet,
-    ProtocolError,
-    Recipe,
-    Value,
-    Version,
-    rtde,
-)
+from dynid import core, protocol
+from dynid.protocol import rtde
 from urtwin.machine import ControllerMachine
 
 LONGEST = 64
@@ -44,16 +30,16 @@ class InputQueue:
     Packages act in the order in which they came; without a stream all act at once.
     """
 
-    def __init__(self, write: Callable[[str, Value], None]) -> None:
+    def __init__(self, write: Callable[[str, protocol.Value], None]) -> None:
         self._write = write
-        self._waiting: deque[tuple[int, Mapping[str, Value]]] = deque()
+        self._waiting: deque[tuple[int, Mapping[str, protocol.Value]]] = deque()
         self._last = -PATIENCE_S
         self._streak = 0
         self._steered, self._guide = -MEMORY_S, False
         self.asked = False
         """Whether the client was sent a package since it wrote."""
 
-    def put(self, recipe: int, values: Mapping[str, Value], now: float) -> None:
+    def put(self, recipe: int, values: Mapping[str, protocol.Value], now: float) -> None:
         """Take what the client wrote by a recipe, at a time of the monotonic clock [s]."""
         self._waiting.append((recipe, values))
         self._last, self.asked = now, False
@@ -116,14 +102,14 @@ class Owners:
     def __init__(self) -> None:
         self._owner: dict[str, object] = {}
 
-    def claim(self, names: Iterable[str], client: object, version: Version) -> list[str]:
+    def claim(self, names: Iterable[str], client: object, version: protocol.Version) -> list[str]:
         """The types of inputs; a client gets all of them or none.
 
         A client may name a variable again in another recipe.
         """
         names = list(names)
         types = [self._type(name, client, version) for name in names]
-        if not {NOT_FOUND, IN_USE}.intersection(types):
+        if not {protocol.NOT_FOUND, protocol.IN_USE}.intersection(types):
             self._owner.update(dict.fromkeys(names, client))
         return types
 
@@ -131,17 +117,17 @@ class Owners:
         """Free the inputs of a client that has left."""
         self._owner = {name: owner for name, owner in self._owner.items() if owner is not client}
 
-    def _type(self, name: str, client: object, version: Version) -> str:
-        kind = type_of(INPUTS, name, version)
-        if kind != NOT_FOUND and self._owner.get(name, client) is not client:
-            return IN_USE
+    def _type(self, name: str, client: object, version: protocol.Version) -> str:
+        kind = type_of(protocol.INPUTS, name, version)
+        if kind != protocol.NOT_FOUND and self._owner.get(name, client) is not client:
+            return protocol.IN_USE
         return kind
 
 
-def type_of(table: Mapping[str, Field], name: str, version: Version) -> str:
+def type_of(table: Mapping[str, protocol.Field], name: str, version: protocol.Version) -> str:
     """The type of a variable as the controller answers it."""
     field = table.get(name)
-    return field.type.name if field is not None and field.exists_in(version) else NOT_FOUND
+    return field.type.name if field is not None and field.exists_in(version) else protocol.NOT_FOUND
 
 
 class RtdeSession:
@@ -156,13 +142,13 @@ class RtdeSession:
     ) -> None:
         self._machine, self._owners, self._orderly = machine, owners, orderly
         self.queue = InputQueue(machine.set_input)
-        self._version: Version = machine.core.version[:3]
-        self._framer = Framer(LARGEST_REQUEST)
-        self._inputs: list[Recipe] = []
+        self._version: protocol.Version = machine.core.version[:3]
+        self._framer = protocol.Framer(LARGEST_REQUEST)
+        self._inputs: list[protocol.Recipe] = []
         self._written: dict[int, float] = {}
         self._complaints = 0
         self.protocol = 1
-        self.outputs: Recipe | None = None
+        self.outputs: protocol.Recipe | None = None
         """What the client asked for; None before it did, or when it was refused."""
         self.every = 1
         """Cycles from one package to the next."""
@@ -199,23 +185,23 @@ class RtdeSession:
         self.queue.apply_all()
         self._owners.release(self)
 
-    def _answer(self, packet: Packet) -> bytes:
+    def _answer(self, packet: protocol.Packet) -> bytes:
         kind, payload = packet
         match kind:
-            case Kind.DATA_PACKAGE:
+            case protocol.Kind.DATA_PACKAGE:
                 return self._write(payload)
-            case Kind.REQUEST_PROTOCOL_VERSION:
+            case protocol.Kind.REQUEST_PROTOCOL_VERSION:
                 return self._choose_protocol(rtde.read_protocol_request(payload))
-            case Kind.GET_URCONTROL_VERSION:
+            case protocol.Kind.GET_URCONTROL_VERSION:
                 return rtde.answer_software_version(*self._machine.core.version)
-            case Kind.SETUP_OUTPUTS:
+            case protocol.Kind.SETUP_OUTPUTS:
                 return self._set_up_outputs(*rtde.read_output_setup(payload, self.protocol))
-            case Kind.SETUP_INPUTS:
+            case protocol.Kind.SETUP_INPUTS:
                 return self._set_up_inputs(rtde.read_names(payload))
-            case Kind.START | Kind.PAUSE:
-                self.started = kind is Kind.START
+            case protocol.Kind.START | protocol.Kind.PAUSE:
+                self.started = kind is protocol.Kind.START
                 return rtde.answer(kind, True)
-            case Kind.TEXT_MESSAGE:
+            case protocol.Kind.TEXT_MESSAGE:
                 rtde.read_text_message(payload, 2)
                 return b""
 
@@ -223,11 +209,11 @@ class RtdeSession:
         accepted = version in rtde.PROTOCOLS
         if accepted:
             self.protocol = version
-        return rtde.answer(Kind.REQUEST_PROTOCOL_VERSION, accepted)
+        return rtde.answer(protocol.Kind.REQUEST_PROTOCOL_VERSION, accepted)
 
     def _set_up_outputs(self, names: tuple[str, ...], asked_hz: float | None) -> bytes:
         _check_length(names)
-        types = [type_of(OUTPUTS, name, self._version) for name in names]
+        types = [type_of(protocol.OUTPUTS, name, self._version) for name in names]
         rate = 1.0 / self._machine.cycle
         frequency = _FIRST_PROTOCOL_HZ if asked_hz is None else asked_hz
         number = None if self.protocol == 1 else 1
@@ -235,30 +221,32 @@ class RtdeSession:
         complaint = b""
         if not (math.isfinite(frequency) and frequency > 0):
             complaint = self._complain(f"{frequency} is no frequency; allowed: 1 to {rate:g} Hz")
-        elif types and NOT_FOUND not in types:
-            self.outputs = Recipe.of(names, types, number)
+        elif types and protocol.NOT_FOUND not in types:
+            self.outputs = protocol.Recipe.of(names, types, number)
             self.every = max(1, math.floor(rate / max(frequency, 1.0) + 1e-9))
         accepted = number if self.outputs is not None or number is None else 0
-        return complaint + rtde.answer_setup(Kind.SETUP_OUTPUTS, types, accepted)
+        return complaint + rtde.answer_setup(protocol.Kind.SETUP_OUTPUTS, types, accepted)
 
     def _set_up_inputs(self, names: tuple[str, ...]) -> bytes:
         _check_length(names)
         if len(self._inputs) == _RECIPES:
             refused = self._complain(f"no more than {_RECIPES} input recipes")
-            return refused + rtde.answer_setup(Kind.SETUP_INPUTS, [NOT_FOUND] * len(names), 0)
+            return refused + rtde.answer_setup(
+                protocol.Kind.SETUP_INPUTS, [protocol.NOT_FOUND] * len(names), 0
+            )
         types = self._owners.claim(names, self, self._version)
-        if not types or {NOT_FOUND, IN_USE}.intersection(types):
-            return rtde.answer_setup(Kind.SETUP_INPUTS, types, 0)
+        if not types or {protocol.NOT_FOUND, protocol.IN_USE}.intersection(types):
+            return rtde.answer_setup(protocol.Kind.SETUP_INPUTS, types, 0)
         number = len(self._inputs) + 1
-        self._inputs.append(Recipe.of(names, types, number))
-        return rtde.answer_setup(Kind.SETUP_INPUTS, types, number)
+        self._inputs.append(protocol.Recipe.of(names, types, number))
+        return rtde.answer_setup(protocol.Kind.SETUP_INPUTS, types, number)
 
     def _write(self, payload: bytes) -> bytes:
         number = payload[0] if payload else 0
         if not 1 <= number <= len(self._inputs):
             return self._complain(f"there is no input recipe {number}")
         recipe = self._inputs[number - 1]
-        values: dict[str, Value] = {}
+        values: dict[str, protocol.Value] = {}
         try:
             # More than the recipe is no mistake: ur_rtde's getForwardKinematics(q, tcp) does so.
             for name, value in recipe.unpack(payload[: recipe.size]).items():
@@ -270,7 +258,7 @@ class RtdeSession:
             self.queue.put(number, values, now)
             if not self._orderly:
                 self.queue.apply_all()
-        except DynidError as error:
+        except core.DynidError as error:
             return self._complain(str(error))
         return b""
 
@@ -278,14 +266,14 @@ class RtdeSession:
         """Tell the client what is wrong; a `ProtocolError` for one that never learns."""
         self._complaints += 1
         if self._complaints > _COMPLAINTS:
-            raise ProtocolError(f"too many mistakes, the last: {words}")
+            raise protocol.ProtocolError(f"too many mistakes, the last: {words}")
         return self.text(words)
 
 
 def _check_length(names: tuple[str, ...]) -> None:
     size = sum(len(name) + 1 for name in names) - 1
     if size > rtde.NAMES_LIMIT:
-        raise ProtocolError(
+        raise protocol.ProtocolError(
             "the list of names is too long",
             value=f"{size} bytes",
             limit=f"{rtde.NAMES_LIMIT} bytes",

@@ -7,22 +7,10 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, JobError
+from urtwin import urscript, variables
 from urtwin.arm import ForceMode
 from urtwin.core import Core, ToolPayload
-from urtwin.urscript import (
-    Pose,
-    ScriptFault,
-    Value,
-    matrix_of,
-    number,
-    numbers,
-    pose_of,
-    shown,
-    truth,
-    whole,
-    within,
-)
-from urtwin.variables import READERS, tool_speed
+from urtwin.urscript import Pose, ScriptFault, Value
 
 _STEADY_S, _STANDSTILL = 0.5, 1e-3
 _MAX_PAYLOAD_KG = 50.0
@@ -32,19 +20,21 @@ _ALL_FREE = (1, 1, 1, 1, 1, 1)
 
 
 def _forward(core: Core, q: Value = None, tcp: Value = None) -> Pose:
-    return pose_of(core.arm.kinematics.forward(_joints(core, q).tolist(), _tool(core, tcp)))
+    return urscript.pose_of(
+        core.arm.kinematics.forward(_joints(core, q).tolist(), _tool(core, tcp))
+    )
 
 
 def _joints(core: Core, q: Value) -> Array:
-    return core.arm.state.q if q is None else np.array(numbers(q, 6, "joint positions"))
+    return core.arm.state.q if q is None else np.array(urscript.numbers(q, 6, "joint positions"))
 
 
 def _speeds(core: Core, qd: Value) -> Array:
-    return core.arm.state.dq if qd is None else np.array(numbers(qd, 6, "joint speeds"))
+    return core.arm.state.dq if qd is None else np.array(urscript.numbers(qd, 6, "joint speeds"))
 
 
 def _tool(core: Core, tcp: Value) -> Array:
-    return core.tcp_matrix if tcp is None else matrix_of(tcp)
+    return core.tcp_matrix if tcp is None else urscript.matrix_of(tcp)
 
 
 def _inverse(
@@ -56,13 +46,13 @@ def _inverse(
     tcp: Value = None,
 ) -> Value:
     core.interpreter.enough()
-    near = core.arm.setpoint if qnear is None else numbers(qnear, 6, "joint positions")
+    near = core.arm.setpoint if qnear is None else urscript.numbers(qnear, 6, "joint positions")
     found = core.arm.kinematics.inverse(
-        matrix_of(x),
+        urscript.matrix_of(x),
         near,
         _tool(core, tcp),
-        position_error=max(number(maxPositionError), 1e-10),
-        orientation_error=max(number(maxOrientationError), 1e-10),
+        position_error=max(urscript.number(maxPositionError), 1e-10),
+        orientation_error=max(urscript.number(maxOrientationError), 1e-10),
     )
     return found.tolist()
 
@@ -81,13 +71,15 @@ def _has_solution(core: Core, *arguments: Value) -> bool:
 def _within_limits(core: Core, pose: Value) -> bool:
     if isinstance(pose, Pose):
         return _has_solution(core, pose)
-    joints = numbers(pose, 6, "joint positions")
+    joints = urscript.numbers(pose, 6, "joint positions")
     arm = core.arm
     return all(low <= q <= high for low, q, high in zip(arm.lower, joints, arm.upper, strict=True))
 
 
 def _history(core: Core, steps: Value = 0) -> Value:
-    return list(core.history[whole("steps of the history", steps, 0, len(core.history) - 1)])
+    return list(
+        core.history[urscript.whole("steps of the history", steps, 0, len(core.history) - 1)]
+    )
 
 
 def _is_steady(core: Core) -> bool:
@@ -97,9 +89,9 @@ def _is_steady(core: Core) -> bool:
 
 
 def _set_payload(core: Core, m: Value, cog: Value = None, inertia: Value = None) -> None:
-    mass = within("payload [kg]", m, 0, _MAX_PAYLOAD_KG)
-    center = core.tcp[:3] if cog is None else numbers(cog, 3, "a centre of gravity")
-    moments = [0.0] * 6 if inertia is None else numbers(inertia, 6, "inertias")
+    mass = urscript.within("payload [kg]", m, 0, _MAX_PAYLOAD_KG)
+    center = core.tcp[:3] if cog is None else urscript.numbers(cog, 3, "a centre of gravity")
+    moments = [0.0] * 6 if inertia is None else urscript.numbers(inertia, 6, "inertias")
     core.payload = ToolPayload(mass, list(center), moments)
     core.tell_payload()
 
@@ -111,22 +103,22 @@ def _set_target_payload(
 
 
 def _set_gravity(core: Core, d: Value) -> None:
-    core.gravity = numbers(d, 3, "gravity")
+    core.gravity = urscript.numbers(d, 3, "gravity")
     core.tell_payload()
 
 
 def _set_tcp(core: Core, pose: Value, tcp_name: Value = "") -> None:
-    core.set_tcp(numbers(pose, 6, "a pose"))
+    core.set_tcp(urscript.numbers(pose, 6, "a pose"))
 
 
 def _joint_temperature(core: Core, j: Value) -> float:
-    return core.arm.measured("temperature")[whole("joint", j, 0, 5)]
+    return core.arm.measured("temperature")[urscript.whole("joint", j, 0, 5)]
 
 
 def _rtde_value(core: Core, variable_name: Value) -> Value:
-    reader = READERS.get(shown(variable_name))
+    reader = variables.READERS.get(urscript.shown(variable_name))
     if reader is None:
-        raise ScriptFault("no RTDE output has this name", value=shown(variable_name))
+        raise ScriptFault("no RTDE output has this name", value=urscript.shown(variable_name))
     value = reader(core)
     return list(value) if isinstance(value, list) else value
 
@@ -149,7 +141,7 @@ _ASK: dict[str, Callable[[Core], Value]] = {
     "get_target_payload": lambda core: core.payload.mass,
     "get_target_payload_cog": lambda core: list(core.payload.cog),
     "get_target_payload_inertia": lambda core: list(core.payload.inertia),
-    "get_tool_accelerometer_reading": READERS["actual_tool_accelerometer"],
+    "get_tool_accelerometer_reading": variables.READERS["actual_tool_accelerometer"],
     "get_tcp_force": lambda core: [0.0] * 6,
     "force": lambda core: 0.0,
     "is_steady": _is_steady,
@@ -161,11 +153,13 @@ _ASK: dict[str, Callable[[Core], Value]] = {
     "get_target_tcp_pose": lambda core: _forward(core, core.arm.state.target.q.tolist()),
     # No path offset and no conveyor moves the arm beside its path.
     "get_target_tcp_pose_along_path": lambda core: _forward(core, core.arm.state.target.q.tolist()),
-    "get_target_tcp_speed_along_path": lambda core: tool_speed(core, core.arm.state.target),
+    "get_target_tcp_speed_along_path": lambda core: variables.tool_speed(
+        core, core.arm.state.target
+    ),
     "get_target_waypoint": lambda core: _forward(core, core.arm.setpoint),
     "get_actual_tool_flange_pose": lambda core: _forward(core, None, Pose([0.0] * 6)),
-    "get_actual_tcp_speed": lambda core: tool_speed(core, core.arm.state),
-    "get_target_tcp_speed": lambda core: tool_speed(core, core.arm.state.target),
+    "get_actual_tcp_speed": lambda core: variables.tool_speed(core, core.arm.state),
+    "get_target_tcp_speed": lambda core: variables.tool_speed(core, core.arm.state.target),
 }
 _SET: dict[str, Callable[[Core, Value], Value]] = {
     "set_payload_mass": lambda core, m: _set_payload(core, m, core.payload.cog),
@@ -177,7 +171,7 @@ _SET: dict[str, Callable[[Core, Value], Value]] = {
 
 
 def _mass_matrix(core: Core, q: Value = None, include_rotors_inertia: Value = False) -> Value:
-    rotors = truth(include_rotors_inertia) * np.diag(core.arm.truth.motor_inertia)
+    rotors = urscript.truth(include_rotors_inertia) * np.diag(core.arm.truth.motor_inertia)
     return (core.arm.plant.tracker.mass_matrix(_joints(core, q)) + rotors).tolist()
 
 
@@ -202,15 +196,15 @@ def _force_mode(
     type: Value,
     limits: Value,
 ) -> None:
-    kind = int(number(type))
+    kind = int(urscript.number(type))
     if kind not in _TYPES:
         raise ScriptFault("type of force mode", value=kind, limit=_TYPES)
     core.force = ForceMode(
-        frame=numbers(task_frame, 6, "a pose"),
-        compliant=[value != 0 for value in numbers(selection_vector, 6, "a selection")],
-        wrench=numbers(wrench, 6, "a wrench"),
+        frame=urscript.numbers(task_frame, 6, "a pose"),
+        compliant=[value != 0 for value in urscript.numbers(selection_vector, 6, "a selection")],
+        wrench=urscript.numbers(wrench, 6, "a wrench"),
         kind=kind,
-        limits=numbers(limits, 6, "limits"),
+        limits=urscript.numbers(limits, 6, "limits"),
         gain=core.force_gain,
     )
 
@@ -220,7 +214,7 @@ def _end_force_mode(core: Core) -> None:
 
 
 def _set_gain(core: Core, scaling: Value) -> None:
-    core.force_gain = within("gain of force mode", scaling, 0, _MOST_GAIN)
+    core.force_gain = urscript.within("gain of force mode", scaling, 0, _MOST_GAIN)
 
 
 def _teach(core: Core) -> None:
@@ -246,7 +240,7 @@ _AT_THE_TOOL: dict[str, Callable[[Core], Value]] = {
     "get_freedrive_status": lambda core: 0,
 }
 _FORCE: dict[str, Callable[[Core, Value], Value]] = {
-    "force_mode_set_damping": lambda core, damping: within(
+    "force_mode_set_damping": lambda core, damping: urscript.within(
         "damping of force mode", damping, 0, _MOST_DAMPING
     ),
     "force_mode_set_gain_scaling": _set_gain,
