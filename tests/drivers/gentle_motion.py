@@ -11,7 +11,8 @@ from dynid.core import provenance
 from dynid.drivers import Execution
 from dynid.experiment.plan import watch_limits
 from dynid.robot import RobotModel, load_robot
-from dynid.trajectory import FourierSeries, rest_series, write_trajectory
+from dynid.trajectory import FourierSeries, write_trajectory
+from rest_motions import rest_series
 
 PERIOD, RATE = 2.0, 125.0
 CYCLES = 250

@@ -16,7 +16,7 @@ from gentle_motion import ListRecorder
 from dynid.drivers import Cycle, Execution, Watchdog, WatchLimits
 from dynid.drivers.ur.pump import Intake, Pump
 from dynid.drivers.ur.variables import Layout, recorded
-from dynid.trajectory import rest_series
+from rest_motions import rest_series
 
 FREE, ZERO = np.full(6, np.inf), np.zeros(6)
 LIMITS = WatchLimits(lower=-FREE, upper=FREE, velocity=FREE, deviation=FREE)

@@ -9,8 +9,8 @@ from dynid.excitation import (
     Candidate,
     DesignEvaluation,
     GeneticAlgorithm,
+    MotionSearch,
     by_optimiser,
-    evolve,
     random_numbers,
     region_of,
 )
@@ -29,11 +29,11 @@ def evolved(seed: int, *, safe: bool = False) -> list[Candidate]:
         seen.append(judged(evaluation, x))
         return seen[-1]
 
-    done = evolve(
-        judge, region_of(asked), population=POPULATION, generations=GENERATIONS, seed=seed,
-        full=not safe, stop=lambda: False,
+    search = MotionSearch(
+        problem=asked, region=region_of(asked), judge=judge, constrained=safe, seed=seed,
+        stop=lambda: False,
     )  # fmt: skip
-    assert done == GENERATIONS
+    assert GeneticAlgorithm(POPULATION, GENERATIONS).minimize(search) == GENERATIONS
     return seen
 
 

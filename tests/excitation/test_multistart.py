@@ -11,7 +11,15 @@ import pytest
 from design_arms import arm, problem
 
 from dynid.core import InputError, Workers, workers
-from dynid.excitation import DesignEvaluation, Effort, Search, by_gradient, evolve, region_of
+from dynid.excitation import (
+    DesignEvaluation,
+    Effort,
+    GeneticAlgorithm,
+    MotionSearch,
+    Search,
+    by_gradient,
+    region_of,
+)
 from dynid.excitation.gradient import judged
 from dynid.excitation.searches import multistart, run_start
 
@@ -155,10 +163,11 @@ def test_gradients_beat_the_genetic_algorithm_with_as_many_evaluations() -> None
         return candidate
 
     generations = 5
-    evolve(
-        judge, region_of(asked), population=search.evaluations // generations,
-        generations=generations, seed=0, full=True, stop=lambda: False,
+    rival = MotionSearch(
+        problem=asked, region=region_of(asked), judge=judge, constrained=False, seed=0,
+        stop=lambda: False,
     )  # fmt: skip
+    GeneticAlgorithm(search.evaluations // generations, generations).minimize(rival)
     assert len(seen) >= search.evaluations
     assert best(search)[0] < min(seen) - 0.05
 

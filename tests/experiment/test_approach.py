@@ -22,7 +22,7 @@ from dynid.experiment.preflight import (
     find_way,
 )
 from dynid.robot import load_robot
-from dynid.trajectory import rest_series
+from rest_motions import rest_series
 
 UR5 = load_robot("ur5")
 JUDGE = safe_constraints(UR5)

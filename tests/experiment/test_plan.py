@@ -20,8 +20,8 @@ from dynid.trajectory import (
     Quintic,
     Repetition,
     Trajectory,
-    rest_series,
 )
+from rest_motions import rest_series
 
 UR5 = load_robot("ur5")
 FREE = 0.1 * np.random.default_rng(0).normal(size=(6, 8))

@@ -14,7 +14,7 @@ from dynid.drivers import ControllerState
 from dynid.experiment import ExperimentPlan, check_design, check_robot, plan_approach, require_ready
 from dynid.experiment.preflight import PreflightCheck
 from dynid.robot import load_robot, with_tool
-from dynid.trajectory import rest_series
+from rest_motions import rest_series
 
 UR5 = load_robot("ur5")
 MIDDLE = np.array([0.1, -1.4, 0.3, -2.1, 0.2, 0.1])

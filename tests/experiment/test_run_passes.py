@@ -15,7 +15,7 @@ from dynid.drivers import Abort, Driver, Execution, Outcome, Recorder, Source
 from dynid.experiment import ExperimentPlan, run
 from dynid.recording import RecordWriter
 from dynid.robot import load_robot
-from dynid.trajectory import rest_series
+from rest_motions import rest_series
 
 SERIES = rest_series(2.0, np.zeros(6), 0.05 * np.random.default_rng(0).normal(size=(6, 4)))
 PLAN = ExperimentPlan(

@@ -8,7 +8,8 @@ import numpy as np
 
 from dynid.core import provenance
 from dynid.robot import load_robot
-from dynid.trajectory import rest_series, write_trajectory
+from dynid.trajectory import write_trajectory
+from rest_motions import rest_series
 
 PERIOD, CYCLES = 2.0, 250
 MIDDLE = np.array([0.1, -1.4, 0.3, -2.1, 0.2, 0.1])

@@ -395,7 +395,7 @@ def test_a_prediction_takes_the_place_of_the_measured_torque_alone(
     record = ExperimentRecord(t=np.arange(50) / 125.0, signals=signals)
     page.session.motions["record"] = recorded("record", record)
     found = [{"record": "record", "prediction": {"title": "Torque"}}]
-    monkeypatch.setattr("dynid.studio.page.judged_estimates", lambda *_: found)
+    monkeypatch.setattr("dynid.studio.facts.judged_estimates", lambda *_: found)
     do(page, "results")
     shown = page.look_up("curves", {"name": "record", "opened": ""}.__getitem__)["groups"]
     assert [group["title"] for group in shown] == ["Torque", "Position", "Temperature"]

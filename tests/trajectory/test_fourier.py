@@ -4,7 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynid.core import InputError
-from dynid.trajectory import FourierSeries, rest_basis, rest_series
+from dynid.trajectory import FourierSeries, rest_basis
+from rest_motions import rest_series
 
 
 def some_series(seed: int = 0, joints: int = 6, harmonics: int = 5) -> FourierSeries:

@@ -19,9 +19,9 @@ from dynid.trajectory import (
     csv_text,
     joint_trajectory_yaml,
     motion_family,
-    rest_series,
     sampled,
 )
+from rest_motions import rest_series
 
 
 def some_motion(name: str = "fourier", joints: int = 3) -> Trajectory:

@@ -7,10 +7,10 @@ from dynid.trajectory import (
     MotionSequence,
     Quintic,
     Repetition,
-    rest_series,
     rest_to_rest,
     through_poses,
 )
+from rest_motions import rest_series
 
 LIMITS = MotionBounds(
     lower=np.full(2, -6.0), upper=np.full(2, 6.0), velocity=[2.0, 3.0], acceleration=[8.0, 9.0]

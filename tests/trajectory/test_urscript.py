@@ -14,9 +14,9 @@ from dynid.trajectory import (
     Trajectory,
     motion_family,
     pieces,
-    rest_series,
     ur_program,
 )
+from rest_motions import rest_series
 from urtwin.functions import BUILTINS
 from urtwin.urscript import compile_script
 

@@ -23,7 +23,7 @@ from dynid.recording import read_record
 from dynid.robot import load_robot
 from dynid.settings import IdentifySettings, options_of, parse_thermal
 from dynid.signals import measured_torque
-from dynid.trajectory import rest_series, write_trajectory
+from dynid.trajectory import write_trajectory
 from dynid.workflow import (
     RunSettings,
     identify_files,
@@ -31,6 +31,7 @@ from dynid.workflow import (
     run_design,
     simulate_recording,
 )
+from rest_motions import rest_series
 
 UR5 = load_robot("ur5")
 PERIOD, CYCLES = 2.0, 250

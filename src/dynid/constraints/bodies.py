@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from dynid.constraints.arm import arm_geometry
-from dynid.constraints.collision import CollisionBodies, JudgedPairs, gap_of, place_bodies
-from dynid.constraints.distance import WORK
+from dynid.constraints.collision import CollisionBodies, JudgedPairs, gap_of, memory, place_bodies
 from dynid.constraints.scene import BOX, HALF_SPACE, SPHERE, ConstraintSettings, Scene, Shape
 from dynid.core import Array, Indices, InputError, compiled, read_only
 from dynid.robot import Body, RobotModel, box_points, cylinder_points
@@ -77,9 +76,7 @@ def _least(
 ) -> float:
     """Branch and bound over the joints that have a rate: see `least_distance`."""
     n = len(middle)
-    turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
-    centres, work, touch = np.empty((len(parts[0]), 3)), np.empty((WORK, 6)), np.empty(3)
-    frame = np.empty((4, 3))
+    room = memory(n, len(parts[0]))
     cells, way, a, b = np.empty((256, 2, n)), np.zeros(3), pairs[0, 0], pairs[0, 1]
     q, wide = np.empty(n), np.empty(n)
     for j in range(n):
@@ -93,8 +90,8 @@ def _least(
             slack += rates[j] * wide[j]
             if rates[j] * wide[j] > rates[widest] * wide[widest]:
                 widest = j
-        place_bodies(joints, parts, q, turn, origin, axis, centres)
-        far = gap_of(parts, a, b, turn, origin, centres, sure + slack, way, touch, frame, work)
+        place_bodies(joints, parts, q, room)
+        far = gap_of(parts, a, b, room, sure + slack, way)
         if far < sure:
             return far
         if far - slack >= sure:

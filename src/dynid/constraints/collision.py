@@ -165,16 +165,12 @@ class CollisionBodies:
 
         In the base frame [m].
         """
-        n, bodies, parts = self.arm.count, len(self.link), self.parts
-        turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
-        centres, way, touch = np.empty((bodies, 3)), np.zeros(3), np.empty(3)
-        joints, pose = self.arm.joints, np.array(q, dtype=np.float64)
-        place_bodies(joints, parts, pose, turn, origin, axis, centres)
-        far = gap_of(
-            parts, a, b, turn, origin, centres, np.inf, way, touch, np.empty((4, 3)),
-            np.empty((WORK, 6)),
-        )  # fmt: skip
-        plane = a >= bodies
+        parts, pose, way = self.parts, np.array(q, dtype=np.float64), np.zeros(3)
+        room = memory(self.arm.count, len(self.link))
+        place_bodies(self.arm.joints, parts, pose, room)
+        far = gap_of(parts, a, b, room, np.inf, way)
+        turn, origin, touch = room[0], room[1], room[4]
+        plane = a >= len(self.link)
         first = 0 if plane else int(self.link[a])
         along = turn[first] @ way
         end = origin[first] + turn[first] @ touch
@@ -207,35 +203,43 @@ class CollisionBodies:
 
 
 @compiled(error_model="numpy")
-def place_bodies(joints: Array, parts: Any, q: Array, turn: Array, origin: Array, axis: Array,
-           centres: Array) -> None:  # fmt: skip
-    """Write the joint frames, and the middles (B, 3) of the bodies in the base frame."""
+def memory(joints: int, bodies: int) -> Any:
+    """Memory of `place_bodies` and `gap_of` for an arm of so many joints.
+
+    Joint frames (n + 1, 3, 3), (n + 1, 3) and axes (n, 3), middles (B, 3) of the bodies in the base
+    frame; then a nearest point (3), a frame and the work of a distance.
+    """
+    return (
+        np.empty((joints + 1, 3, 3)),
+        np.empty((joints + 1, 3)),
+        np.empty((joints, 3)),
+        np.empty((bodies, 3)),
+        np.empty(3),
+        np.empty((4, 3)),
+        np.empty((WORK, 6)),
+    )
+
+
+@compiled(error_model="numpy")
+def place_bodies(joints: Array, parts: Any, q: Array, room: Any) -> None:
+    """Write the joint frames and the middles of the bodies at q (n) into their `memory`."""
     link, spheres = parts[0], parts[4]
+    turn, origin, axis, centres = room[:4]
     place_joints(joints, q, turn, origin, axis)
     for b in range(len(link)):
         place_point(turn[link[b]], origin[link[b]], spheres[b, :3], centres[b])
 
 
 @compiled(error_model="numpy")
-def gap_of(
-    parts: Any,
-    a: int,
-    b: int,
-    turn: Array,
-    origin: Array,
-    centres: Array,
-    enough: float,
-    axis: Array,
-    touch: Array,
-    frame: Array,
-    work: Array,
-) -> float:
+def gap_of(parts: Any, a: int, b: int, room: Any, enough: float, axis: Array) -> float:
     """Signed distance of a pair, or something not above it that is at least `enough` [m].
 
-    Writes the direction from a to b and a's nearest point in the frame of a's link; of a
-    half-space the other body's, which is on the same line.
+    Of bodies that `place_bodies` has placed. Writes the direction from a to b, and as the nearest
+    point that of a in the frame of a's link; of a half-space the other body's, which is on the same
+    line.
     """
     link, starts, points, radius, spheres, planes = parts
+    turn, origin, _, centres, touch, frame, work = room
     if a >= len(link):
         normal = planes[a - len(link)]
         height = normal[3] + radius[b]
@@ -284,30 +288,22 @@ def gap_of(
         else:
             axis[0] = 1.0
     wide = radius[a] + radius[b]
-    first, second = starts[a : a + 2], starts[b : b + 2]
-    low = gap_along(points, first, second, relative, place, axis) - wide
+    pair = points, starts[a : a + 2], starts[b : b + 2], relative, place
+    low = gap_along(pair, axis) - wide
     if low >= enough:
         return low
-    return (
-        separation(points, first, second, relative, place, enough + wide, axis, touch, work) - wide
-    )
+    return separation(pair, enough + wide, axis, touch, work) - wide
 
 
 @compiled(error_model="numpy")
 def _distances(joints: Array, parts: Any, pairs: Indices, q: Array, out: Array) -> None:
     """Write the distances (N, P)."""
-    n = q.shape[1]
-    turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
-    centres, work, touch = np.empty((len(parts[0]), 3)), np.empty((WORK, 6)), np.empty(3)
-    frame = np.empty((4, 3))
-    axes = np.zeros((len(pairs), 3))
+    room, axes = memory(q.shape[1], len(parts[0])), np.zeros((len(pairs), 3))
     for k in range(len(q)):
-        place_bodies(joints, parts, q[k], turn, origin, axis, centres)
+        place_bodies(joints, parts, q[k], room)
         for p in range(len(pairs)):
             a, b = pairs[p, 0], pairs[p, 1]
-            out[k, p] = gap_of(
-                parts, a, b, turn, origin, centres, np.inf, axes[p], touch, frame, work
-            )
+            out[k, p] = gap_of(parts, a, b, room, np.inf, axes[p])
 
 
 @compiled(error_model="numpy")
@@ -322,14 +318,10 @@ def _nearest(
     pair: Indices,
 ) -> None:
     """Write the least room and the least of room less slack (2, N), and the pair (N)."""
-    n = q.shape[1]
-    turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
-    centres, work, touch = np.empty((len(parts[0]), 3)), np.empty((WORK, 6)), np.empty(3)
-    frame = np.empty((4, 3))
-    axes = np.zeros((len(pairs), 3))
+    room, axes = memory(q.shape[1], len(parts[0])), np.zeros((len(pairs), 3))
     last = 0
     for k in range(len(q)):
-        place_bodies(joints, parts, q[k], turn, origin, axis, centres)
+        place_bodies(joints, parts, q[k], room)
         least, low, index = np.inf, np.inf, 0
         # The nearest pair of the last sample first: it may spare the others.
         for turned in range(len(pairs)):
@@ -337,7 +329,7 @@ def _nearest(
             off = slack[k, p]
             enough = max(least, low + off) + required[p]
             a, b = pairs[p, 0], pairs[p, 1]
-            far = gap_of(parts, a, b, turn, origin, centres, enough, axes[p], touch, frame, work)
+            far = gap_of(parts, a, b, room, enough, axes[p])
             far -= required[p]
             if far < least:
                 least, index = far, p
@@ -356,17 +348,15 @@ def _violation(
     q: Array,
     rates: Array,
     last: Array,
-    room: Array,
+    seen: Array,
     axes: Array,
     most: float,
     out: Array,
 ) -> float:
     """Sum of squared violations of clearances (P); adds its derivative (N, n) to `out`."""
     n = q.shape[1]
-    link = parts[0]
-    turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
-    centres, work, touch = np.empty((len(link), 3)), np.empty((WORK, 6)), np.empty(3)
-    frame, moved = np.empty((4, 3)), np.empty(n)
+    link, room, moved = parts[0], memory(n, len(parts[0])), np.empty(n)
+    turn, origin, axis, _, touch = room[:5]
     force, moment, way, at = np.empty((n + 1, 3)), np.empty((n + 1, 3)), np.empty(3), np.empty(3)
     total = 0.0
     for k in range(len(q)):
@@ -375,20 +365,18 @@ def _violation(
             moved[j] = abs(q[k, j] - last[row, j])
             last[row, j] = q[k, j]
         for p in range(len(pairs)):
-            left = room[row, p]
+            left = seen[row, p]
             for j in range(n):
                 left -= rates[p, j] * moved[j]
-            room[row, p] = left
+            seen[row, p] = left
             if left >= clearance[p]:
                 continue
             if not placed:
-                place_bodies(joints, parts, q[k], turn, origin, axis, centres)
+                place_bodies(joints, parts, q[k], room)
                 placed = True
             a, b = pairs[p, 0], pairs[p, 1]
-            far = gap_of(
-                parts, a, b, turn, origin, centres, clearance[p], axes[row, p], touch, frame, work
-            )
-            room[row, p] = far
+            far = gap_of(parts, a, b, room, clearance[p], axes[row, p])
+            seen[row, p] = far
             if far >= clearance[p]:
                 continue
             if total == before:

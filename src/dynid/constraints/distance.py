@@ -7,6 +7,7 @@ kept by the caller, so that a far pair costs one look along it.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -26,14 +27,14 @@ WORK = _CORNERS + 4
 
 
 @compiled(fastmath=True, error_model="numpy")
-def gap_along(
-    points: Array, a: Indices, b: Indices, turn: Array, place: Array, axis: Array
-) -> float:
+def gap_along(pair: Any, axis: Array) -> float:
     """How far apart two hulls are along an axis from A to B: no more than their distance.
 
-    Of points (3, T) of all bodies in the frames of their links [m], those of A and B from start to
-    stop (2); B's link is turned (3, 3) and placed (3) in the frame of A's, as is the unit axis (3).
+    A pair is points (3, T) of all bodies in the frames of their links [m], start and stop (2) of
+    those of A and of B, and how B's link is turned (3, 3) and placed (3) in the frame of A's, in
+    which the unit axis (3) is, too.
     """
+    points, a, b, turn, place = pair
     x, y, z = axis[0], axis[1], axis[2]
     most = -1e300
     for k in range(a[0], a[1]):
@@ -48,13 +49,12 @@ def gap_along(
 
 
 @compiled(error_model="numpy")
-def _corner(
-    points: Array, a: Indices, b: Indices, turn: Array, place: Array, axis: Array, row: Array
-) -> float:
+def _corner(pair: Any, axis: Array, row: Array) -> float:
     """Write the corner (3) of A - B farthest along an axis, then its point (3) of A.
 
     Returns how far that is.
     """
+    points, a, b, turn, place = pair
     x, y, z = axis[0], axis[1], axis[2]
     most, i = -np.inf, 0
     for k in range(a[0], a[1]):
@@ -172,9 +172,7 @@ def _reduce(rows: Array, count: int, share: Array, three: Array, normal: Array) 
 
 
 @compiled(error_model="numpy")
-def _completed(
-    points: Array, a: Indices, b: Indices, turn: Array, place: Array, rows: Array, count: int
-) -> bool:
+def _completed(pair: Any, rows: Array, count: int) -> bool:
     """Add corners of A - B to a simplex (count, 6) until it has four; False where A - B is flat."""
     axis = np.array([1.0, 0.0, 0.0])
     while count < 4:
@@ -193,52 +191,42 @@ def _completed(
         for r in range(3):
             axis[r] /= size
         height = _dot(axis, rows[0])
-        if _corner(points, a, b, turn, place, axis, rows[count]) - height < _ON_SIMPLEX:
+        if _corner(pair, axis, rows[count]) - height < _ON_SIMPLEX:
             for r in range(3):
                 axis[r] = -axis[r]
-            if _corner(points, a, b, turn, place, axis, rows[count]) + height < _ON_SIMPLEX:
+            if _corner(pair, axis, rows[count]) + height < _ON_SIMPLEX:
                 return False
         count += 1
     return True
 
 
 @compiled(error_model="numpy")
-def separation(
-    points: Array,
-    a: Indices,
-    b: Indices,
-    turn: Array,
-    place: Array,
-    enough: float,
-    axis: Array,
-    touch: Array,
-    work: Array,
-) -> float:
+def separation(pair: Any, enough: float, axis: Array, touch: Array, work: Array) -> float:
     """Signed distance [m] between two hulls, or a lower bound of it that is at least `enough`.
 
-    Arguments as of `gap_along`. The axis is a guess, replaced by the direction found: the distance
-    grows as B moves along it. Writes A's point (3) nearest to B, in A's frame, unless the pair is
-    far apart. Where the hulls overlap, it is less the depth. `work` is (WORK, 6).
+    The pair is that of `gap_along`. The axis is a guess, replaced by the direction found: the
+    distance grows as B moves along it. Writes A's point (3) nearest to B, in A's frame, unless the
+    pair is far apart. Where the hulls overlap, it is less the depth. `work` is (WORK, 6).
     """
     share, three, normal = np.empty(4), np.empty(3), np.empty(3)
-    _corner(points, a, b, turn, place, axis, work[0])
+    _corner(pair, axis, work[0])
     count, far = 0, np.inf
     for _ in range(_STEPS):
         count = _reduce(work, count + 1, share, three, normal)
         if count == 4:
-            return -_depth(points, a, b, turn, place, axis, touch, work)
+            return -_depth(pair, axis, touch, work)
         x = y = z = 0.0
         for k in range(count):
             x += share[k] * work[k, 0]
             y += share[k] * work[k, 1]
             z += share[k] * work[k, 2]
         last, far = far, math.sqrt(x * x + y * y + z * z)
-        if far < _ON_SIMPLEX and _completed(points, a, b, turn, place, work, count):
-            return -_depth(points, a, b, turn, place, axis, touch, work)
+        if far < _ON_SIMPLEX and _completed(pair, work, count):
+            return -_depth(pair, axis, touch, work)
         if far < _ON_SIMPLEX or far >= last:
             break
         axis[0], axis[1], axis[2] = -x / far, -y / far, -z / far
-        low = -_corner(points, a, b, turn, place, axis, work[count])
+        low = -_corner(pair, axis, work[count])
         if low >= enough:
             return low
         if far - low <= _WITHIN * far:
@@ -252,16 +240,7 @@ def separation(
 
 
 @compiled(error_model="numpy")
-def _depth(
-    points: Array,
-    a: Indices,
-    b: Indices,
-    turn: Array,
-    place: Array,
-    axis: Array,
-    touch: Array,
-    rows: Array,
-) -> float:
+def _depth(pair: Any, axis: Array, touch: Array, rows: Array) -> float:
     """How deep the origin is in A - B, from a tetrahedron (4, 6) around it."""
     faces, edges = np.empty((_FACES, 3), dtype=np.intp), np.empty((3 * _FACES, 2), dtype=np.intp)
     normals, heights = np.empty((_FACES, 3)), np.empty(_FACES)
@@ -282,7 +261,7 @@ def _depth(
         if corners == _CORNERS or count > _FACES - 32:
             break
         top = rows[corners]
-        reach = _corner(points, a, b, turn, place, normals[nearest], top)
+        reach = _corner(pair, normals[nearest], top)
         if reach - heights[nearest] <= _DEPTH_WITHIN:
             break
         kept = loose = 0

@@ -14,11 +14,8 @@ from dynid.excitation.evaluation import GramKernel as GramKernel
 from dynid.excitation.evaluation import HistoryEntry as HistoryEntry
 from dynid.excitation.evaluation import Search as Search
 from dynid.excitation.evaluation import SearchProgress as SearchProgress
-from dynid.excitation.optimise import DesignOptimiser as DesignOptimiser
 from dynid.excitation.optimise import ExcitationDesign as ExcitationDesign
 from dynid.excitation.optimise import Finished as Finished
-from dynid.excitation.optimise import GeneticAlgorithm as GeneticAlgorithm
-from dynid.excitation.optimise import MotionSearch as MotionSearch
 from dynid.excitation.optimise import by_gradient as by_gradient
 from dynid.excitation.optimise import by_optimiser as by_optimiser
 from dynid.excitation.purpose import ANYWHERE as ANYWHERE
@@ -33,5 +30,7 @@ from dynid.excitation.region import MotionRegion as MotionRegion
 from dynid.excitation.region import check_room as check_room
 from dynid.excitation.region import random_numbers as random_numbers
 from dynid.excitation.region import region_of as region_of
+from dynid.excitation.searches import DesignOptimiser as DesignOptimiser
 from dynid.excitation.searches import Effort as Effort
-from dynid.excitation.searches import evolve as evolve
+from dynid.excitation.searches import GeneticAlgorithm as GeneticAlgorithm
+from dynid.excitation.searches import MotionSearch as MotionSearch

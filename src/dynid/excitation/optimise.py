@@ -1,11 +1,10 @@
 """One interface to both optimisers: a problem in, a certified motion out, with what it is worth."""
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from dynid.excitation.evaluation import (
 from dynid.excitation.gradient import STAGES, TIGHTEN, improve
 from dynid.excitation.purpose import Expected
 from dynid.excitation.region import MotionRegion, region_of
-from dynid.excitation.searches import Effort, elite_count, evolve, multistart
+from dynid.excitation.searches import DesignOptimiser, Effort, MotionSearch, multistart
 from dynid.trajectory import Trajectory
 
 TIGHTER = (0.05, 0.1)
@@ -250,72 +249,6 @@ def by_gradient(
     """Design by gradients from many starts; see `multistart`."""
     search = multistart(problem, effort, seed=seed, beside=beside, tell=tell)
     return _finished(problem, search, effort.budget_s)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MotionSearch(core.Value):
-    """What an optimiser of designs searches: the numbers x (n, 1 + k) of a motion, see `Candidate`.
-
-    The best motions that it judges are kept, and certified.
-    """
-
-    problem: ExcitationProblem
-    """Robot, motions, criterion and limits."""
-    region: MotionRegion
-    """Bounds of position, velocity and acceleration; `random_numbers` draws within."""
-    judge: Callable[[core.Array], Candidate]
-    """The criterion and the broken limits of a motion x (n, 1 + k); smaller `key` is better."""
-    constrained: bool
-    """Whether there are limits beside those of the region."""
-    seed: int
-    """Of all random numbers."""
-    stop: Stop
-    """Whether the time is over, to be asked before each motion."""
-
-
-class DesignOptimiser(ABC):
-    """A way to search for a motion."""
-
-    name: ClassVar[str] = "own"
-    """Stands in the design in place of `--method`."""
-    ends: ClassVar[str] = "optimiser"
-    """What it ended by where neither time nor a person did."""
-
-    @property
-    def evaluations(self) -> int | None:
-        """Motions that it will judge, for the progress; None: not known before."""
-        return None
-
-    @abstractmethod
-    def minimize(self, search: MotionSearch) -> int:
-        """Judge motions until the best one is good enough; how many rounds were finished."""
-
-
-@dataclass(frozen=True)
-class GeneticAlgorithm(DesignOptimiser):
-    """The paper's; see `evolve`."""
-
-    name: ClassVar[str] = "ga"
-    ends: ClassVar[str] = "generations"
-    population: int = 300
-    generations: int = 5
-
-    @property
-    def evaluations(self) -> int:
-        """Of all generations."""
-        return self.population + self.generations * (self.population - elite_count(self.population))
-
-    def minimize(self, search: MotionSearch) -> int:
-        """See `DesignOptimiser`."""
-        return evolve(
-            search.judge,
-            search.region,
-            population=self.population,
-            generations=self.generations,
-            seed=search.seed,
-            full=not search.constrained,
-            stop=search.stop,
-        )
 
 
 @core.one_thread()

@@ -11,14 +11,16 @@ one that violates less, of two feasible ones the better criterion.
 
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
+from typing import ClassVar
 from uuid import uuid4
 
 import numpy as np
 
-from dynid.core import Array, WorkerLost, Workers, one_thread, result_of, told_to_stop
+from dynid.core import Array, Value, WorkerLost, Workers, one_thread, result_of, told_to_stop
 from dynid.excitation.evaluation import (
     Candidate,
     DesignEvaluation,
@@ -273,56 +275,88 @@ LEAST_FILL = 0.3
 # place within 0 and 1, the share of the tightest limit within `LEAST_FILL` and 1.
 
 
-def evolve(
-    judge: Callable[[Array], Candidate],
-    region: MotionRegion,
-    *,
-    population: int,
-    generations: int,
-    seed: int,
-    full: bool,
-    stop: Stop,
-) -> int:
-    """Evolve a random population; whoever judges keeps the best.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionSearch(Value):
+    """What an optimiser of designs searches: the numbers x (n, 1 + k) of a motion, see `Candidate`.
 
-    Args:
-        judge: Judges the numbers (n, 1 + k) of one motion.
-        region: Bounds of position, velocity and acceleration.
-        population: Individuals of a generation.
-        generations: Generations after the random one.
-        seed: Of all random numbers.
-        full: Every joint uses all of its tightest limit.
-        stop: Asked before each individual.
-
-    Returns:
-        How many generations were finished.
+    The best motions that it judges are kept, and certified.
     """
-    random = np.random.default_rng(seed)
-    basis = shape_basis(region).T
-    size = (population, len(region.middle), 1)
-    shape, place = random.standard_normal((*size[:2], len(basis))), random.uniform(size=size)
-    fill = np.ones(size) if full else random.uniform(LEAST_FILL, 1.0, size=size)
-    genes = np.concatenate([shape, place, fill], axis=2)
-    elite = elite_count(population)
-    scores: list[Candidate] = []
-    for generation in range(generations + 1):
-        new = genes if generation == 0 else _children(genes, population - elite, random, full)
-        fresh: list[Candidate] = []
-        for x in _decoded(new, region, basis):
-            if stop():
-                return max(generation - 1, 0)
-            fresh.append(judge(x))
-        if generation > 0:
-            genes = np.concatenate([genes[:elite], new])
-        scores = scores[:elite] + fresh
-        order = sorted(range(population), key=lambda i: scores[i].key)
-        genes, scores = genes[order], [scores[i] for i in order]
-    return generations
+
+    problem: ExcitationProblem
+    """Robot, motions, criterion and limits."""
+    region: MotionRegion
+    """Bounds of position, velocity and acceleration; `random_numbers` draws within."""
+    judge: Callable[[Array], Candidate]
+    """The criterion and the broken limits of a motion x (n, 1 + k); smaller `key` is better."""
+    constrained: bool
+    """Whether there are limits beside those of the region."""
+    seed: int
+    """Of all random numbers."""
+    stop: Stop
+    """Whether the time is over, to be asked before each motion."""
 
 
-def elite_count(population: int) -> int:
-    """How many survive a generation unchanged."""
-    return max(1, round(ELITE * population))
+class DesignOptimiser(ABC):
+    """A way to search for a motion."""
+
+    name: ClassVar[str] = "own"
+    """Stands in the design in place of `--method`."""
+    ends: ClassVar[str] = "optimiser"
+    """What it ended by where neither time nor a person did."""
+
+    @property
+    def evaluations(self) -> int | None:
+        """Motions that it will judge, for the progress; None: not known before."""
+        return None
+
+    @abstractmethod
+    def minimize(self, search: MotionSearch) -> int:
+        """Judge motions until the best one is good enough; how many rounds were finished."""
+
+
+@dataclass(frozen=True)
+class GeneticAlgorithm(DesignOptimiser):
+    """The paper's: a random population, and what generations make of it; see the module."""
+
+    name: ClassVar[str] = "ga"
+    ends: ClassVar[str] = "generations"
+    population: int = 300
+    generations: int = 5
+
+    @property
+    def evaluations(self) -> int:
+        """Of all generations."""
+        return self.population + self.generations * (self.population - self._elite)
+
+    def minimize(self, search: MotionSearch) -> int:
+        """See `DesignOptimiser`: of the generations after a random one, how many were finished."""
+        random, region = np.random.default_rng(search.seed), search.region
+        basis, full = shape_basis(region).T, not search.constrained
+        size = (self.population, len(region.middle), 1)
+        shape, place = random.standard_normal((*size[:2], len(basis))), random.uniform(size=size)
+        fill = np.ones(size) if full else random.uniform(LEAST_FILL, 1.0, size=size)
+        genes = np.concatenate([shape, place, fill], axis=2)
+        scores: list[Candidate] = []
+        for generation in range(self.generations + 1):
+            new = genes
+            if generation > 0:
+                new = _children(genes, self.population - self._elite, random, full)
+            fresh: list[Candidate] = []
+            for x in _decoded(new, region, basis):
+                if search.stop():
+                    return max(generation - 1, 0)
+                fresh.append(search.judge(x))
+            if generation > 0:
+                genes = np.concatenate([genes[: self._elite], new])
+            scores = scores[: self._elite] + fresh
+            order = sorted(range(self.population), key=lambda i: scores[i].key)
+            genes, scores = genes[order], [scores[i] for i in order]
+        return self.generations
+
+    @property
+    def _elite(self) -> int:
+        """How many survive a generation unchanged."""
+        return max(1, round(ELITE * self.population))
 
 
 def _decoded(genes: Array, region: MotionRegion, basis: Array) -> Array:

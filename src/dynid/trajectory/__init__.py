@@ -26,7 +26,6 @@ from dynid.trajectory.fourier import peaks as peaks
 from dynid.trajectory.fourier import random_excitation as random_excitation
 from dynid.trajectory.fourier import require_inside as require_inside
 from dynid.trajectory.fourier import rest_basis as rest_basis
-from dynid.trajectory.fourier import rest_series as rest_series
 from dynid.trajectory.fourier import usable_bounds as usable_bounds
 from dynid.trajectory.points import LANGUAGES as LANGUAGES
 from dynid.trajectory.points import MotionSequence as MotionSequence

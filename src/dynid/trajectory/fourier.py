@@ -138,25 +138,6 @@ def _sines_and_cosines(sines: Array, cosines: Array) -> Array:
     return read_only(np.vstack([upper, lower]))
 
 
-def rest_series(period: float, offset: ArrayLike, free: ArrayLike) -> FourierSeries:
-    """The series from the free numbers of each joint.
-
-    Args:
-        period: Period [s].
-        offset: (n) mean positions [rad or m].
-        free: (n, 2H - 2) coordinates in `rest_basis(H)` [rad or m].
-
-    Raises:
-        InputError: Shapes that disagree, or a number of columns that is odd or zero.
-    """
-    numbers = frozen(free, shape=(np.size(offset), None), name="free coefficients")
-    columns = numbers.shape[1]
-    if columns == 0 or columns % 2:
-        raise InputError("each joint needs 2H - 2 free coefficients", value=columns)
-    family = FourierFamily(period=period, harmonics=columns // 2 + 1)
-    return family.member(frozen(offset, shape=(None,), name="offset"), numbers)
-
-
 def _orthogonal_complement(direction: Array) -> Array:
     # A Householder reflection takes `direction` to the first axis, so its other columns are an
     # orthonormal basis of the rest: no factorisation whose signs depend on the LAPACK at hand.
@@ -362,7 +343,7 @@ def random_excitation(
     free = drawn @ basis
     given = np.zeros(bounds.joints) if offset is None else offset
     middle = frozen(given, shape=(bounds.joints,), name="offset")
-    series = rest_series(period_s, middle, free)
+    series = FourierFamily(period=period_s, harmonics=harmonics).member(middle, free)
     base.require_share("margin", margin)
     centre, half = (bounds.lower + bounds.upper) / 2, (bounds.upper - bounds.lower) / 2
     lower, upper = centre - margin * half, centre + margin * half
