@@ -43,7 +43,7 @@ from dynid.regressor import FrictionTerms, Gear, InverseDynamicModel, TorqueRipp
 from dynid.robot import load_robot
 from dynid.signals import Samples
 from dynid.simulation import simulated_arm
-from dynid.trajectory import harmonic_basis, rest_series
+from dynid.trajectory import harmonic_basis, motion_family
 from urtwin import controller_process
 
 sys.path.insert(0, str(ROOT / "tests" / "export"))
@@ -184,7 +184,8 @@ def header() -> bool:
 
 def runs() -> bool:
     robot, periods = load_robot("ur5"), 6
-    motion = rest_series(10.0, POSE, 0.05 * np.random.default_rng(0).normal(size=(6, 8)))
+    free = 0.05 * np.random.default_rng(0).normal(size=(6, 8))
+    motion = motion_family("fourier", 10.0, 5).trajectory(POSE, free)
     plan = ExperimentPlan(robot=robot, trajectory=motion, periods=periods)
     with tempfile.TemporaryDirectory() as folder:
 

@@ -89,7 +89,7 @@ def test_a_motion_that_is_no_series_repeats_too(arm: SimulatedArm) -> None:
     """The arm stood still from the second period on."""
     pose = np.array([0.0, -1.4, 1.2, -1.3, -1.2, 0.3])
     ways = 0.2 * np.random.default_rng(0).normal(size=(6, 4))
-    loop = BSplineFamily(travel_time=2.0, points=4).trajectory(pose, ways)
+    loop = BSplineFamily(duration=2.0, order=4).trajectory(pose, ways)
     _, second, third = simulate(arm, loop, periods=3).signals["target_q"].reshape(3, 250, 6)
     np.testing.assert_allclose(second, third, rtol=0, atol=1e-9)
     assert np.ptp(second, axis=0).min() > 0.05

@@ -34,7 +34,7 @@ def test_is_scipys_spline(seed: int, degree: int, spans: int, duration: float) -
 def test_the_family_rests_exactly(seed: int, points: int, duration: float) -> None:
     generator = np.random.default_rng(seed)
     pose = generator.normal(size=4)
-    spline = BSplineFamily(travel_time=duration, points=points).trajectory(
+    spline = BSplineFamily(duration=duration, order=points).trajectory(
         pose, generator.normal(size=(4, points))
     )
     ends = spline.evaluate([0.0, duration])

@@ -73,7 +73,7 @@ class TestEveryFamily:
 def test_a_modified_series_starts_at_the_pose_asked_for(
     seed: int, harmonics: int, period: float
 ) -> None:
-    family = ModifiedFourierFamily(period=period, harmonics=harmonics)
+    family = ModifiedFourierFamily(duration=period, order=harmonics)
     generator = np.random.default_rng(seed)
     pose = generator.normal(size=3)
     ends = family.trajectory(pose, generator.normal(size=(3, family.free_count))).evaluate(
@@ -83,14 +83,14 @@ def test_a_modified_series_starts_at_the_pose_asked_for(
 
 
 @pytest.mark.parametrize(
-    "bad", [{"period": 0.0}, {"period": np.nan}, {"harmonics": 1}, {"harmonics": 4.5}]
+    "bad", [{"duration": 0.0}, {"duration": np.nan}, {"order": 1}, {"order": 4.5}]
 )
 def test_fourier_families_refuse_nonsense(bad: dict[str, float]) -> None:
     for kind in (FourierFamily, ModifiedFourierFamily):
         with pytest.raises(InputError):
-            kind(**({"period": 10.0, "harmonics": 5} | bad))  # type: ignore[arg-type]
+            kind(**({"duration": 10.0, "order": 5} | bad))  # type: ignore[arg-type]
     with pytest.raises(InputError, match="harmonics"):
-        ModifiedFourierFamily(period=10.0, harmonics=2)
+        ModifiedFourierFamily(duration=10.0, order=2)
 
 
 def test_names_lead_to_their_families() -> None:
@@ -112,4 +112,4 @@ def test_no_family_lasts_no_time_or_for_ever(name: str, duration: float) -> None
 
 def test_motions_through_points_need_a_point() -> None:
     with pytest.raises(InputError, match="free points"):
-        PointsFamily(travel_time=1.0, points=0)
+        PointsFamily(duration=1.0, order=0)

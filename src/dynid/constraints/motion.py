@@ -67,23 +67,22 @@ class MotionConstraints:
             kind: limits.Worst(margin=math.nan) for kind in (*limits.RATIOS, *limits.DISTANCES)
         }
         bounds, joints = self.settings.bounds, self.robot.joint_names
-        kinds = ("position", "velocity", "acceleration")
         free = self.settings.required
         end = np.where(q - bounds.lower < bounds.upper - q, bounds.lower, bounds.upper)
-        allowed = (end, bounds.velocity, bounds.acceleration)
         ratios = limits.bound_ratios(bounds, q, dq, ddq)
-        for kind, value, limit, ratio in zip(kinds, (q, dq, ddq), allowed, ratios, strict=True):
-            if np.isfinite(limit).any():
-                worst[kind] = _largest(ratio, value, limit, times, joints, free(kind))
+        held = [
+            ("position", q, end, ratios[0]),
+            ("velocity", dq, bounds.velocity, ratios[1]),
+            ("acceleration", ddq, bounds.acceleration, ratios[2]),
+        ]
         if self.torque is not None:
             torque, power = self.torque.largest(q, dq, ddq)
-            if np.isfinite(self.torque.limits).any():
-                limit = self.torque.limits
-                worst["torque"] = _largest(
-                    torque / limit, torque, limit, times, joints, free("torque")
-                )
+            held.append(("torque", torque, self.torque.limits, torque / self.torque.limits))
             if not math.isnan(self.torque.power):
                 worst["power"] = _over(power, self.torque.power, times, free("power"))
+        for kind, value, limit, ratio in held:
+            if np.isfinite(limit).any():
+                worst[kind] = _largest(ratio, value, limit, times, joints, free(kind))
         for kind, (points, limit) in self.points.items():
             worst[kind] = _over(points.norms(q, dq), limit, times, free(kind))
         if self.surroundings is not None:

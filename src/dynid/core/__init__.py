@@ -17,7 +17,6 @@ from dynid.core.errors import check_word as check_word
 from dynid.core.errors import checked as checked
 from dynid.core.errors import in_python as in_python
 from dynid.core.errors import in_words as in_words
-from dynid.core.errors import installed as installed
 from dynid.core.errors import like_named as like_named
 from dynid.core.errors import printable as printable
 from dynid.core.errors import require as require

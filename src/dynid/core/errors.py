@@ -4,7 +4,6 @@ Each error says what is wrong, where, with the value, the limit and the next ste
 """
 
 import importlib
-import importlib.util
 import inspect
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -204,11 +203,6 @@ def in_words(value: object) -> str:
 
 def _short(value: object) -> str:
     return printable(in_words(value), 200)
-
-
-def installed(module: str) -> bool:
-    """Whether a top-level module can be imported."""
-    return importlib.util.find_spec(module) is not None
 
 
 def require(module: str, extra: str = "") -> ModuleType:

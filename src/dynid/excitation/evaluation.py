@@ -423,14 +423,10 @@ class DesignEvaluation:
         """
         if not self.constrained:
             return 0.0
-        return self._broken(self._search.motion(x), tighten, most)[0]
-
-    def _broken(
-        self, motion: tuple[Array, Array, Array], tighten: float, most: float = math.inf
-    ) -> tuple[float, Array, Array, Array]:
+        motion, known = self._search.motion(x), self._known
         return self.constraints.violation(
-            *motion, tighten=tighten, caution=CAUTION, known=self._known, most=most
-        )
+            *motion, tighten=tighten, caution=CAUTION, known=known, most=most
+        )[0]
 
     def search(
         self,
@@ -461,17 +457,14 @@ class DesignEvaluation:
             return math.inf, partial(np.zeros_like, x)
         grid, bars = self._search, None
         if penalty > 0.0 and self.constrained:
+            share, known = 1.0, self._known
             if fine:
-                grid = self._dense
+                grid, share, known = self._dense, FINE_SHARE, self._dense_known
                 penalty *= len(motion[0]) / len(grid.basis[0])
-                broken, *bars = self.constraints.violation(
-                    *grid.motion(x),
-                    tighten=FINE_SHARE * tighten,
-                    caution=FINE_SHARE * CAUTION,
-                    known=self._dense_known,
-                )
-            else:
-                broken, *bars = self._broken(motion, tighten)
+                motion = grid.motion(x)
+            broken, *bars = self.constraints.violation(
+                *motion, tighten=share * tighten, caution=share * CAUTION, known=known
+            )
             value += penalty * broken
 
         def gradient() -> Array:

@@ -74,12 +74,6 @@ def _load(name_or_path: str | Path, collision: bool, mesh_dirs: Sequence[Path] =
     if text.lower() in robotfile.builtin_names():
         return _built_in(text.lower())
     path = Path(os.path.expanduser(text))
-    return replace(
-        _of_file(path, text, collision, mesh_dirs), file=str(path.parent.resolve() / path.name)
-    )
-
-
-def _of_file(path: Path, text: str, collision: bool, mesh_dirs: Sequence[Path]) -> RobotModel:
     if not text.strip() or not tables.is_there(path):
         names = robotfile.builtin_names()
         looks_like_path = "/" in text or path.suffix.lower() in (".urdf", ".toml", ".xml")
@@ -90,20 +84,18 @@ def _of_file(path: Path, text: str, collision: bool, mesh_dirs: Sequence[Path]) 
             limit=f"{', '.join(names)}, or a URDF or robot file",
             next_step=like_named(path, *names),
         )
-    data = tables.read_limited(path, urdf.MAX_BYTES)
+    data, where = tables.read_limited(path, urdf.MAX_BYTES), tables.shown_path(path)
     if data.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] == b"<" or path.suffix.lower() == ".urdf":
-        robot = urdf.robot_from_urdf(data, where=tables.shown_path(path), file=path)
+        robot = urdf.robot_from_urdf(data, where=where, file=path)
         known = ~np.isnan(robot.inertias)
-        if not collision and not (known[:, 0] & ~known.all(axis=1)).any():
-            return robot
-        return urdf_bodies.with_collision_geometry(robot, path, mesh_dirs=mesh_dirs)
-    if len(data) > robotfile.MAX_BYTES:
-        raise RobotError(
-            "the file is too large for a robot file",
-            where=tables.shown_path(path),
-            limit=robotfile.MAX_BYTES,
-        )
-    return robotfile.robot_from_toml(data, path, collision=collision, mesh_dirs=mesh_dirs)
+        if collision or (known[:, 0] & ~known.all(axis=1)).any():
+            robot = urdf_bodies.with_collision_geometry(robot, path, mesh_dirs=mesh_dirs)
+    elif len(data) > robotfile.MAX_BYTES:
+        limit = robotfile.MAX_BYTES
+        raise RobotError("the file is too large for a robot file", where=where, limit=limit)
+    else:
+        robot = robotfile.robot_from_toml(data, path, collision=collision, mesh_dirs=mesh_dirs)
+    return replace(robot, file=str(path.parent.resolve() / path.name))
 
 
 @cache

@@ -135,27 +135,34 @@ class StandingMotion(Trajectory):
         return JointMotion(t=times, q=q, dq=np.where(moves, dq, 0.0), ddq=np.where(moves, ddq, 0.0))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MotionFamily(ABC):
     """Motions q = offset + B0 y, dq = B1 y, ddq = B2 y, with free numbers y of each joint.
 
     Every member starts and ends at the same pose with no velocity and no acceleration, whatever
     y is: an optimiser needs no equality constraints, and the motion can be repeated.
-    """
 
-    __slots__ = ()
+    Raises:
+        InputError: A duration that is not positive, or an order below the least.
+    """
 
     name: ClassVar[str]
     """The name in settings and on the command line."""
+    least: ClassVar[int] = 1
+    """Smallest order."""
+    duration: float
+    """Time from start to end, the period of harmonics [s]."""
+    order: int
+    """Number of harmonics H, or of free points of each joint between the ends, in equal times."""
+
+    def __post_init__(self) -> None:
+        require_positive("the duration", self.duration)
+        require_whole(f"harmonics or free points of a {self.name} motion", self.order, self.least)
 
     @property
-    @abstractmethod
-    def duration(self) -> float:
-        """Time from start to end [s]."""
-
-    @property
-    @abstractmethod
     def free_count(self) -> int:
-        """Free numbers k of each joint."""
+        """Free numbers k of each joint: one a point, relative to the offset."""
+        return self.order
 
     @property
     def corners(self) -> Array:
@@ -190,56 +197,3 @@ class MotionFamily(ABC):
         """
         motion = self.member(np.zeros(self.free_count), np.eye(self.free_count)).evaluate(t)
         return motion.q, motion.dq, motion.ddq
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SeriesFamily(MotionFamily):
-    """Families of motions with harmonics of one period.
-
-    Raises:
-        InputError: A period that is not positive, or fewer harmonics than the family needs.
-    """
-
-    least: ClassVar[int]
-    """Fewest harmonics."""
-    period: float
-    """Time from start to end [s]."""
-    harmonics: int
-    """Number of harmonics H."""
-
-    def __post_init__(self) -> None:
-        require_positive("the period", self.period)
-        require_whole(f"harmonics of a {self.name} motion", self.harmonics, self.least)
-
-    @property
-    def duration(self) -> float:
-        """The period [s]."""
-        return self.period
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PoseFamily(MotionFamily):
-    """Families of motions with free poses in equal times.
-
-    Raises:
-        InputError: A travel time that is not positive, or no free points.
-    """
-
-    travel_time: float
-    """Time from start to end [s]."""
-    points: int
-    """Free points of each joint between the ends."""
-
-    def __post_init__(self) -> None:
-        require_positive("the travel time", self.travel_time)
-        require_whole(f"free points of a {self.name} motion", self.points, 1)
-
-    @property
-    def duration(self) -> float:
-        """The travel time [s]."""
-        return self.travel_time
-
-    @property
-    def free_count(self) -> int:
-        """One free number a point, relative to the offset."""
-        return self.points

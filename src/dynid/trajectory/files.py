@@ -225,7 +225,7 @@ def _check_size(trajectory: base.Trajectory) -> None:
             )
 
 
-_FAMILIES: dict[str, type[base.SeriesFamily] | type[base.PoseFamily]] = {
+_FAMILIES: dict[str, type[base.MotionFamily]] = {
     made.name: made
     for made in (
         *(fourier.FourierFamily, fourier.ModifiedFourierFamily, quintic.FourierQuinticFamily),
@@ -253,10 +253,8 @@ def motion_family(name: str, duration: float, harmonics: int) -> base.MotionFami
             "unknown family of motions", value=name, limit=", ".join(FAMILY_NAMES)
         )
     made = _FAMILIES[name]
-    if issubclass(made, base.SeriesFamily):
-        return made(period=duration, harmonics=harmonics)
-    points = 2 * harmonics if made is quintic.BSplineFamily else harmonics
-    return made(travel_time=duration, points=points)
+    order = 2 * harmonics if made is quintic.BSplineFamily else harmonics
+    return made(duration=duration, order=order)
 
 
 _MOST = 10_000_000

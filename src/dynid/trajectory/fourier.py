@@ -148,11 +148,11 @@ def _orthogonal_complement(direction: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FourierFamily(base.SeriesFamily):
+class FourierFamily(base.MotionFamily):
     """The paper's series with no velocity and acceleration at the ends; the offset is q0.
 
     Raises:
-        InputError: A period that is not positive, or fewer than two harmonics.
+        InputError: A duration that is not positive, or fewer than two harmonics.
     """
 
     name: ClassVar[str] = "fourier"
@@ -166,12 +166,12 @@ class FourierFamily(base.SeriesFamily):
     def member(self, pose: Array, free: Array) -> FourierSeries:
         """The series about the pose."""
         numbers = free @ self._coefficients().T
-        a, b = numbers[:, : self.harmonics], numbers[:, self.harmonics :]
-        return FourierSeries(period=self.period, offset=pose, a=a, b=b)
+        a, b = numbers[:, : self.order], numbers[:, self.order :]
+        return FourierSeries(period=self.duration, offset=pose, a=a, b=b)
 
     def _coefficients(self) -> Array:
         """(2H, k) [a; b] of one joint is this matrix times its free numbers."""
-        return rest_basis(self.harmonics)
+        return rest_basis(self.order)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,14 +183,14 @@ class ModifiedFourierFamily(FourierFamily):
     this one is the whole space of series of H harmonics that meets the conditions.
 
     Raises:
-        InputError: A period that is not positive, or fewer than three harmonics.
+        InputError: A duration that is not positive, or fewer than three harmonics.
     """
 
     name: ClassVar[str] = "modified-fourier"
     least: ClassVar[int] = 3
 
     def _coefficients(self) -> Array:
-        return _held_basis(self.harmonics)
+        return _held_basis(self.order)
 
 
 def usable_bounds(limits: MotionBounds, acceleration: ArrayLike | None = None) -> MotionBounds:
@@ -340,10 +340,10 @@ def random_excitation(
     basis, generator = rest_basis(harmonics), np.random.default_rng(seed)
     spread = np.tile(1.0 / np.arange(1, harmonics + 1), 2)
     drawn = generator.standard_normal((bounds.joints, 2 * harmonics)) * spread
-    free = drawn @ basis
+    a, b = np.split(drawn @ basis @ basis.T, 2, axis=1)
     given = np.zeros(bounds.joints) if offset is None else offset
     middle = frozen(given, shape=(bounds.joints,), name="offset")
-    series = FourierFamily(period=period_s, harmonics=harmonics).member(middle, free)
+    series = FourierSeries(period=period_s, offset=middle, a=a, b=b)
     base.require_share("margin", margin)
     centre, half = (bounds.lower + bounds.upper) / 2, (bounds.upper - bounds.lower) / 2
     lower, upper = centre - margin * half, centre + margin * half

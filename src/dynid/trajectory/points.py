@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, MotionBounds, check_word, frozen
-from dynid.trajectory.base import PoseFamily, StandingMotion, Trajectory, require_whole
+from dynid.trajectory.base import MotionFamily, StandingMotion, Trajectory, require_whole
 from dynid.trajectory.quintic import StraightMove, rest_to_rest
 
 _JUMP = 1e-6
@@ -220,11 +220,11 @@ class PointToPoint(StraightMove):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PointsFamily(PoseFamily):
+class PointsFamily(MotionFamily):
     """From the offset through free points, a rest in each, and back, in equal times.
 
     Raises:
-        InputError: A travel time that is not positive, or no free points.
+        InputError: A duration that is not positive, or no free points.
     """
 
     name: ClassVar[str] = "points"
@@ -232,13 +232,13 @@ class PointsFamily(PoseFamily):
     @property
     def corners(self) -> Array:
         """See `MotionFamily`: where legs begin and end to cruise, torque and power are largest."""
-        leg = self.travel_time / (self.points + 1)
+        leg = self.duration / (self.order + 1)
         jumps = np.repeat([BLEND, 1.0 - BLEND], 2) + np.tile([-_BESIDE, _BESIDE], 2)
-        return leg * np.add.outer(np.arange(self.points + 1), jumps).ravel()
+        return leg * np.add.outer(np.arange(self.order + 1), jumps).ravel()
 
     def member(self, pose: Array, free: Array) -> Trajectory:
         """The points are the free numbers, relative to the pose."""
-        leg = self.travel_time / (self.points + 1)
+        leg = self.duration / (self.order + 1)
         legs = itertools.pairwise(np.vstack([pose, pose + free.T, pose]))
         return _chained(
             [PointToPoint(start=start, goal=goal, travel_time=leg) for start, goal in legs]

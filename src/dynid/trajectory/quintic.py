@@ -211,25 +211,24 @@ class FourierQuintic(Value, base.StandingMotion):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FourierQuinticFamily(base.SeriesFamily):
+class FourierQuinticFamily(base.MotionFamily):
     """Fourier series with a fifth-order polynomial, from the offset back to the offset.
 
     Raises:
-        InputError: A period that is not positive, or no harmonics.
+        InputError: A duration that is not positive, or no harmonics.
     """
 
     name: ClassVar[str] = "fourier-quintic"
-    least: ClassVar[int] = 1
 
     @property
     def free_count(self) -> int:
         """2H free numbers of each joint: a, then b."""
-        return 2 * self.harmonics
+        return 2 * self.order
 
     def member(self, pose: Array, free: Array) -> FourierQuintic:
         """The motion from the pose back to it."""
-        a, b = free[:, : self.harmonics], free[:, self.harmonics :]
-        return FourierQuintic(period=self.period, start=pose, goal=pose, a=a, b=b)
+        a, b = free[:, : self.order], free[:, self.order :]
+        return FourierQuintic(period=self.duration, start=pose, goal=pose, a=a, b=b)
 
 
 def _corrections(harmonics: int) -> tuple[Array, Array]:
@@ -330,11 +329,11 @@ class BSpline(Value, base.StandingMotion):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BSplineFamily(base.PoseFamily):
+class BSplineFamily(base.MotionFamily):
     """B-splines from the offset back to the offset, exactly at rest at both ends.
 
     Raises:
-        InputError: A travel time that is not positive, or no free points.
+        InputError: A duration that is not positive, or no free points.
     """
 
     name: ClassVar[str] = "bspline"
@@ -343,4 +342,4 @@ class BSplineFamily(base.PoseFamily):
         """The inner control points are the free numbers, relative to the pose."""
         end = np.repeat(pose[:, None], _REST, axis=1)
         control = np.hstack([end, pose[:, None] + free, end])
-        return BSpline(travel_time=self.travel_time, control=control)
+        return BSpline(travel_time=self.duration, control=control)

@@ -10,9 +10,6 @@ from urtwin.functions.sockets import SOCKETS
 from urtwin.functions.state import STATE
 from urtwin.urscript import LIBRARY, Builtin, Routine, Value, builtins, truth, within
 
-__all__ = [
-    "BUILTINS",
-]
 _LONGEST_SLEEP_S = 1e6
 
 

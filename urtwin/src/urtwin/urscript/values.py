@@ -13,12 +13,8 @@ from typing import Any, cast
 
 from dynid.core import InputError, JobError
 
-UNKNOWN_NAME, UNKNOWN_FUNCTION, UNKNOWN_THREAD = (
-    "unknown name",
-    "unknown function",
-    "unknown thread",
-)
-_NAMES = (UNKNOWN_NAME, UNKNOWN_FUNCTION, UNKNOWN_THREAD)
+_NAMES = ("unknown name", "unknown function", "unknown thread")
+UNKNOWN_NAME, UNKNOWN_FUNCTION, UNKNOWN_THREAD = _NAMES
 
 
 class ScriptError(InputError):
