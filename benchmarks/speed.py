@@ -134,7 +134,7 @@ def designs() -> bool:
     base, theirs = reduce_model(model), PinocchioArm(model.robot, "dh")
     basis = harmonic_basis(np.arange(FEW) * PERIOD / FEW, PERIOD, HARMONICS)
     numbers = np.random.default_rng(0).normal(size=(2 * HARMONICS, 6)) * 0.3
-    kernel, w = GramKernel(model, base, coulomb_width=None), np.zeros((FEW, 6, len(model.columns)))
+    kernel, w = GramKernel(base, coulomb_width=None), np.zeros((FEW, 6, len(model.columns)))
 
     def plain() -> float:
         rows = theirs.rows(*(part @ numbers for part in basis), out=w).reshape(FEW * 6, -1)

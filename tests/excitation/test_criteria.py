@@ -82,7 +82,7 @@ def test_cond_is_that_of_the_observation_matrix(robot: str) -> None:
     base = reduce_model(InverseDynamicModel(robot=load_robot(robot)))
     state = motion(coefficients(3, 6), 400)
     w = base.model.observation_matrix(*state)[:, list(base.independent)]
-    gram = GramKernel(base.model, base, coulomb_width=None).gram(*state)
+    gram = GramKernel(base, coulomb_width=None).gram(*state)
     truth = float(np.linalg.cond(w))
     assert truth < 1e4
     assert parse_criterion("cond").value(gram) == pytest.approx(truth, rel=SAME_CONDITION)
@@ -91,7 +91,7 @@ def test_cond_is_that_of_the_observation_matrix(robot: str) -> None:
 @pytest.mark.parametrize("joints", [3, 4, pytest.param(6, marks=pytest.mark.long)])
 def test_the_gradient_by_the_coefficients_equals_central_differences(joints: int) -> None:
     base = reduced(chain(61 + joints, joints, wall=joints == 4, coupled=joints == 6))
-    kernel = GramKernel(base.model, base, noise=np.linspace(0.5, 2.0, joints))
+    kernel = GramKernel(base, noise=np.linspace(0.5, 2.0, joints))
     numbers = coefficients(8, joints)
     size = numbers.size
     grams = np.empty((6, size, base.rank, base.rank))
@@ -193,7 +193,7 @@ def test_scales_and_earlier_records_act_as_they_are_defined() -> None:
 @pytest.mark.parametrize("name", ["prediction", "d-opt", "a-opt", "e-opt"])
 def test_more_data_never_hurts(name: str) -> None:
     base = reduced(chain(50, 4))
-    kernel = GramKernel(base.model, base)
+    kernel = GramKernel(base)
     one, two = (kernel.gram(*motion(coefficients(seed, 4), 100)) for seed in (1, 2))
     alone = parse_criterion(name).value(one)
     assert parse_criterion(name, previous=two).value(one) < alone
@@ -208,7 +208,7 @@ def test_unknown_criteria_are_refused() -> None:
 def test_prior_magnitudes_are_those_of_the_arm() -> None:
     robot = load_robot("ur10e")
     base = reduce_model(InverseDynamicModel(robot=robot))
-    found = dict(zip(base.names, prior_scale(robot, base), strict=True))
+    found = dict(zip(base.names, prior_scale(base), strict=True))
     assert (np.array(list(found.values())) > 0).all()
     # What the masses, lengths and the regrouping say; a scale needs no more than a factor.
     known = {name: value for name, value in found.items() if name[0] in "mJ"}
@@ -223,7 +223,7 @@ def test_prior_magnitudes_are_those_of_the_arm() -> None:
 
 def test_without_knowledge_magnitudes_are_one_before_regrouping() -> None:
     base = reduced(chain(51, 4))
-    scale = prior_scale(base.model.robot, base)
+    scale = prior_scale(base)
     expected = np.sqrt(1 + np.square(base.regrouping).sum(axis=1))
     floor = np.array(
         [

@@ -32,7 +32,7 @@ def test_the_gram_matrix_is_that_of_the_weighted_base_columns(
     base = reduced(chain(joints, joints, wall=joints == 4, coupled=coupled))
     state = motion(coefficients(1, joints), samples)
     noise = np.linspace(0.3, 3.0, joints)
-    ours = GramKernel(base.model, base, noise=noise, coulomb_width=None).gram(*state)
+    ours = GramKernel(base, noise=noise, coulomb_width=None).gram(*state)
     w = base.model.observation_matrix(*state)[:, list(base.independent)]
     _assert_gram(ours, w / np.repeat(noise, samples)[:, None], SAME)
 
@@ -42,7 +42,7 @@ def test_the_gram_matrix_is_that_of_the_weighted_base_columns(
 def test_the_gram_matrix_is_pinocchios(joints: int, width: float | None) -> None:
     base = reduced(chain(10 + joints, joints, wall=joints == 5))
     state = motion(coefficients(2, joints), 40)
-    ours = GramKernel(base.model, base, coulomb_width=width).gram(*state)
+    ours = GramKernel(base, coulomb_width=width).gram(*state)
     columns = base_columns(base, width or 0.001, *state)
     _assert_gram(ours, columns.reshape(-1, base.rank), PINOCCHIO)
 
@@ -53,14 +53,14 @@ def test_any_choice_of_terms_has_its_panels(terms: str) -> None:
     base = reduce_model(model)
     state = motion(coefficients(3, 4), 60)
     w = model.observation_matrix(*state)[:, list(base.independent)]
-    _assert_gram(GramKernel(model, base, coulomb_width=None).gram(*state), w, SAME)
+    _assert_gram(GramKernel(base, coulomb_width=None).gram(*state), w, SAME)
 
 
 @pytest.mark.parametrize("coupled", [False, True])
 @pytest.mark.parametrize("joints", range(3, 8))
 def test_the_pullback_is_the_derivative(joints: int, coupled: bool) -> None:
     base = reduced(chain(20 + joints, joints, coupled=coupled))
-    kernel = GramKernel(base.model, base, noise=np.linspace(0.5, 2.0, joints), coulomb_width=0.3)
+    kernel = GramKernel(base, noise=np.linspace(0.5, 2.0, joints), coulomb_width=0.3)
     state = motion(coefficients(4, joints), 21)
     random = np.random.default_rng(5)
     half = random.normal(size=(base.rank, base.rank))
@@ -87,10 +87,10 @@ def test_the_pullback_is_the_derivative(joints: int, coupled: bool) -> None:
 
 def test_only_the_symmetric_part_is_asked_for_and_few_samples_suffice() -> None:
     base = reduced(chain(31, 3))
-    kernel = GramKernel(base.model, base)
+    kernel = GramKernel(base)
     s = np.eye(base.rank)
     long, short = motion(coefficients(6, 3), 40), motion(coefficients(6, 3), 5)
-    fresh = GramKernel(base.model, base)
+    fresh = GramKernel(base)
     fresh.gram(*short)
     expected = fresh.pullback(s)
     kernel.gram(*long)
@@ -103,7 +103,7 @@ def test_only_the_symmetric_part_is_asked_for_and_few_samples_suffice() -> None:
 
 def test_inputs_stay_and_results_are_not_shared() -> None:
     base = reduced(chain(32, 4))
-    kernel = GramKernel(base.model, base)
+    kernel = GramKernel(base)
     one, two = motion(coefficients(7, 4), 30), motion(coefficients(8, 4), 30)
     copies = [x.copy() for x in one]
     for x in one:
@@ -121,16 +121,13 @@ def test_inputs_stay_and_results_are_not_shared() -> None:
 def test_noise_is_positive_and_a_joint(noise: list[float]) -> None:
     base = reduced(chain(34, 3))
     with pytest.raises(InputError, match="noise"):
-        GramKernel(base.model, base, noise=np.array(noise))
+        GramKernel(base, noise=np.array(noise))
 
 
-def test_another_model_and_other_shapes_are_refused() -> None:
+def test_a_width_and_shapes_that_cannot_be_are_refused() -> None:
     base = reduced(chain(35, 3))
-    other = InverseDynamicModel(robot=chain(35, 3), friction=parse_terms("fo"))
-    with pytest.raises(InputError, match="another model"):
-        GramKernel(other, base)
     with pytest.raises(InputError, match="width"):
-        GramKernel(base.model, base, coulomb_width=-1.0)
+        GramKernel(base, coulomb_width=-1.0)
     q, dq, ddq = motion(coefficients(11, 3), 20)
     with pytest.raises(InputError, match="ddq has the wrong shape"):
-        GramKernel(base.model, base).gram(q, dq, ddq[:19])
+        GramKernel(base).gram(q, dq, ddq[:19])

@@ -75,7 +75,7 @@ def test_the_expected_error_is_that_of_weighted_least_squares() -> None:
 
 def test_the_unit_of_a_slide_changes_nothing() -> None:
     base = problem(arm()).base
-    kernel = GramKernel(base.model, base, noise=NOISE, coulomb_width=None)
+    kernel = GramKernel(base, noise=NOISE, coulomb_width=None)
     one, *task = _motions(3, 5)
     gram = kernel.gram(one.q, one.dq, one.ddq)
     purpose = replace(purpose_of(base, task, "a task"), prismatic=(False, False, True))
@@ -102,7 +102,7 @@ def test_the_unit_of_a_slide_changes_nothing() -> None:
 
 def test_more_periods_and_earlier_records_lower_the_error_as_they_must() -> None:
     base = problem(arm()).base
-    kernel = GramKernel(base.model, base, noise=NOISE, coulomb_width=None)
+    kernel = GramKernel(base, noise=NOISE, coulomb_width=None)
     one, two, *task = _motions(4, 3)
     first, second = (kernel.gram(m.q, m.dq, m.ddq) for m in (one, two))
     purpose = purpose_of(base, task, "a task")

@@ -290,11 +290,11 @@ def test_a_design_is_shown_with_its_limits_over_time(finished_run: Path, tmp_pat
     # The instant where bodies come nearest is among those that are drawn.
     assert {item.t for item in worst.values()} <= set(shown.judged.t)
     # The certificate looks closer than two hundred instants, and adds what it is not sure of.
-    largest = dict(zip(shown.judged.kinds, shown.judged.shares.max(axis=0), strict=True))
+    largest = {kind: row.max() for kind, row in shown.judged.shares.items()}
     assert 1 - largest["tcp_speed"] == pytest.approx(worst["tcp_speed"].margin, abs=0.02)
     # Bodies beside a joint are never 10 mm apart: they keep half of what there is.
     assert worst["self_collision"].required < worst["environment"].required
-    beyond = dict(zip(shown.judged.distance_kinds, shown.judged.distances.min(axis=0), strict=True))
+    beyond = {kind: row.min() for kind, row in shown.judged.distances.items()}
     for kind, least in beyond.items():
         assert least == pytest.approx(worst[kind].room, abs=DRAWN)
     assert f"{designed.condition_number:.4g}" in visible(path.read_text())

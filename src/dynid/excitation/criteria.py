@@ -78,7 +78,7 @@ LEAST_SHARE = 0.01
 """No parameter is taken for smaller than this share of the largest with its unit."""
 
 
-def prior_scale(robot: RobotModel, base: reduction.BaseParametrization) -> Array:
+def prior_scale(base: reduction.BaseParametrization) -> Array:
     """(b) magnitudes D of the base parameters, in their units.
 
     Where the robot gives masses, a first moment is as large as the mass times the largest of the
@@ -87,7 +87,7 @@ def prior_scale(robot: RobotModel, base: reduction.BaseParametrization) -> Array
     speed and at full speed, motor inertia at the largest acceleration. Anything else is 1. A base
     parameter is as large as what is regrouped into it, added as if unrelated.
     """
-    standard = np.concatenate([_inertial(robot), _beside(base.model)])
+    standard = np.concatenate([_inertial(base.model.robot), _beside(base.model)])
     parts = base.regrouping * standard[list(base.dependent)]
     scale = np.hypot(standard[list(base.independent)], np.linalg.norm(parts, axis=1))
     units = np.array(base.units)

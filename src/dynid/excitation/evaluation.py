@@ -200,28 +200,23 @@ class GramKernel:
     calls: such small products gain nothing from more, and to set the limit costs as much as one.
 
     Args:
-        model: The inverse dynamic model.
-        base: Its base parameters; the columns are the first-come ones.
+        base: The base parameters; the columns are the first-come ones.
         noise: (n) standard deviation of each joint's torque [N.m or N], by which its rows are
             divided; None for rows as they are.
         coulomb_width: Width of the Coulomb step [rad/s or m/s]; None for the model's own.
 
     Raises:
-        InputError: A base of another model, columns without a derivative, noise that is not
-            positive, or a width below 0.
+        InputError: Columns without a derivative, noise that is not positive, or a width below 0.
     """
 
     def __init__(
         self,
-        model: regressor.InverseDynamicModel,
         base: reduction.BaseParametrization,
         *,
         noise: Array | None = None,
         coulomb_width: float | None = DESIGN_WIDTH,
     ) -> None:
-        n = model.robot.joints
-        if base.model.names != model.names:
-            raise InputError("the base parameters are those of another model")
+        model, n = base.model, base.model.robot.joints
         regressor.check_differentiable(model)
         sigma = np.ones(n) if noise is None else np.asarray(noise, dtype=np.float64)
         if sigma.shape != (n,) or not (np.isfinite(sigma) & (sigma > 0)).all():
@@ -338,7 +333,6 @@ class DesignEvaluation:
     """
 
     def __init__(self, problem: ExcitationProblem) -> None:
-        model = problem.base.model
         samples = problem.samples
         count = max(
             SEARCH_PER_NUMBER * (problem.family.free_count + 2),
@@ -353,10 +347,8 @@ class DesignEvaluation:
         self._full = MotionGrid(problem, problem.times)
         times = np.arange(count, dtype=np.float64) * (duration / count)
         self._search = MotionGrid(problem, times)
-        self._kernel = GramKernel(model, problem.base, noise=problem.noise, coulomb_width=None)
-        self._smooth = GramKernel(
-            model, problem.base, noise=problem.noise, coulomb_width=DESIGN_WIDTH
-        )
+        self._kernel = GramKernel(problem.base, noise=problem.noise, coulomb_width=None)
+        self._smooth = GramKernel(problem.base, noise=problem.noise)
         self.constraints: MotionConstraints = problem.constraints
         """The judge of the limits."""
         self._known = self.constraints.proximity(count)

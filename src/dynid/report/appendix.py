@@ -61,23 +61,24 @@ def _motion_figure(item: ReportedDesign) -> draw.Figure:
 
 def _arm_figures(judged: JudgedMotion, name: str) -> Iterator[draw.Figure]:
     """Shares of the limits of the whole arm, and distances beyond what must be kept."""
-    for title, values, kinds, level in (
-        ("Share of the arm's limits [%]", 100 * judged.shares, judged.kinds, 100.0),
-        ("Distance beyond the clearance [mm]", 1000 * judged.distances, judged.distance_kinds, 0.0),
+    for title, curves, unit, level in (
+        ("Share of the arm's limits [%]", judged.shares, 100.0, 100.0),
+        ("Distance beyond the clearance [mm]", judged.distances, 1000.0, 0.0),
     ):
-        known = np.isfinite(values).all(axis=0)
-        if known.any():
-            curves = (
-                draw.Line(judged.t, values[:, k], draw.joint_role(k), kinds[k].replace("_", " "))
-                for k in np.flatnonzero(known).tolist()
+        known = {kind: unit * row for kind, row in curves.items() if np.isfinite(row).all()}
+        if known:
+            lines = (
+                draw.Line(judged.t, known[kind], draw.joint_role(k), kind.replace("_", " "))
+                for k, kind in enumerate(curves)
+                if kind in known
             )
             yield draw.Figure(
                 title=title,
                 x=draw.Axis(low=0, high=float(judged.t[-1]), label="time [s]"),
                 panels=(
                     draw.Panel(
-                        y=draw.axis_around(values[:, known], [level], zero=True),
-                        marks=(draw.Level(level, name="limit"), *curves),
+                        y=draw.axis_around(*known.values(), [level], zero=True),
+                        marks=(draw.Level(level, name="limit"), *lines),
                     ),
                 ),
                 link=name,

@@ -1,5 +1,6 @@
 """What a report is about: results that were computed before."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -91,12 +92,10 @@ class JudgedMotion:
 
     t: Array
     """(N) time [s]."""
-    kinds: tuple[str, ...]
-    shares: Array
-    """(N, k) value over limit, NaN where not judged."""
-    distance_kinds: tuple[str, ...]
-    distances: Array
-    """(N, d) signed distances beyond the clearance of the pair [m], infinite where not judged."""
+    shares: Mapping[str, Array]
+    """Kind of limit to (N) value over limit, NaN where not judged."""
+    distances: Mapping[str, Array]
+    """Kind to (N) distances beyond the clearance of the pair [m], infinite where not judged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -183,7 +183,7 @@ class _DesignJob:
             base=base,
             criterion=excitation.parse_criterion(
                 asked.minimised,
-                scale=excitation.prior_scale(self.robot, base) if scaled else None,
+                scale=excitation.prior_scale(base) if scaled else None,
                 previous=previous,
                 moment=None if purpose is None else purpose.moment(self.noise),
             ),
@@ -209,7 +209,7 @@ class _DesignJob:
         return total
 
     def _kernel(self, noise: core.Array | None) -> excitation.GramKernel:
-        return excitation.GramKernel(self.base.model, self.base, noise=noise, coulomb_width=None)
+        return excitation.GramKernel(self.base, noise=noise, coulomb_width=None)
 
     def _weighted_gram(self, found: excitation.ExcitationDesign) -> core.Array:
         motion = found.trajectory.evaluate(np.arange(found.samples) / self.asked.rate_hz)
@@ -249,7 +249,7 @@ class _DesignJob:
         prediction = excitation.parse_criterion(
             "prediction", moment=self.purpose.moment(self.noise)
         )
-        criteria = excitation.all_criteria(plain, scale=excitation.prior_scale(robot, base))
+        criteria = excitation.all_criteria(plain, scale=excitation.prior_scale(base))
         inputs = (*asked.previous, *asked.motions, asked.scene or "")
         return excitation.ExcitationDesign(
             trajectory=finished.trajectory,
@@ -290,7 +290,7 @@ class _DesignJob:
         """What the motion does not excite."""
         if not told.torque_error_percent > WEAK_PERCENT:
             return ()
-        share = told.parameter_std / excitation.prior_scale(self.robot, self.base)
+        share = told.parameter_std / excitation.prior_scale(self.base)
         worst = [int(k) for k in np.argsort(-share) if share[k] > WEAK_SHARE]
         columns = self.base.model.columns
         names = ", ".join(self.base.names[k] for k in worst[:6])

@@ -79,15 +79,11 @@ def _judged(found: design_files.StoredDesign) -> pages.JudgedMotion | None:
     t = _instants(found)
     motion = found.stored.trajectory.evaluate(t)
     rows = zip(motion.q[:, None], motion.dq[:, None], motion.ddq[:, None], strict=True)
-    usages = [judge.usage(*row) for row in rows]
-    shares = np.array([[1.0 - usage.worst[kind].margin for kind in KINDS] for usage in usages])
+    worst = [judge.usage(*row).worst for row in rows]
+    shares = {kind: np.array([1.0 - item[kind].margin for item in worst]) for kind in KINDS}
     # Each pair has a clearance of its own: beyond it, one line at zero is the limit of all.
-    gaps = np.array(
-        [[usage.worst[kind].room for kind in constraints.DISTANCES] for usage in usages]
-    )
-    return pages.JudgedMotion(
-        t=t, kinds=KINDS, shares=shares, distance_kinds=constraints.DISTANCES, distances=gaps
-    )
+    gaps = {kind: np.array([item[kind].room for item in worst]) for kind in constraints.DISTANCES}
+    return pages.JudgedMotion(t=t, shares=shares, distances=gaps)
 
 
 def _instants(found: design_files.StoredDesign) -> core.Array:
