@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from dynid.constraints import scene_from_json
 from dynid.core import InputError, JsonFields, load_object
 from dynid.robot import from_xyz_rpy
-from dynid.studio.scene_editing import DIMENSIONS, KINDS, SceneEditor, open_scene
+from dynid.studio.scene_editing import DIMENSIONS, KINDS, SceneEditor
 
 ROUNDED = 2e-4
 """Files keep a tenth of a millimetre, and of a milliradian."""
@@ -30,7 +30,7 @@ def test_every_kind_can_be_added_moved_sized_saved_and_read_again(
     assert editor.sizes(number) == dict.fromkeys(DIMENSIONS[kind], 0.25)
     path = tmp_path / "scene.json"
     editor.save(path)
-    again = open_scene(path)
+    again = SceneEditor(load_object(path).values)
     assert again.to_json() == editor.to_json()
     (shape,) = scene_from_json(load_object(path)).shapes
     np.testing.assert_allclose(shape.pose, editor.shape(number).pose, rtol=0, atol=0)

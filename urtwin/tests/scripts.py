@@ -14,7 +14,7 @@ HOME = np.array([0.0, -1.4, 1.2, -1.3, -1.2, 0.3])
 
 def execution(text: str) -> tuple[ScriptRun, dict[str, int]]:
     program = compile_script(text, BUILTINS)
-    return program.execution(None), dict(program.variables)
+    return program.execution(None), dict(program.context.shared)
 
 
 def variables(text: str, cycles: int = 20) -> dict[str, Any]:

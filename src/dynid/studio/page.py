@@ -12,7 +12,7 @@ from typing import IO, Any
 import numpy as np
 
 from dynid import excitation, export, recording, robot
-from dynid.core import DynidError, InputError, JobError, JsonFields, printable
+from dynid.core import DynidError, InputError, JobError, JsonFields, load_object, printable
 from dynid.studio import facts, scene_editing, solids
 from dynid.studio.jobs import Job, JobState, Supervisor, TailReader
 from dynid.studio.session import Opened, Session, file_in, free_name, kind_of, open_path
@@ -260,9 +260,8 @@ class Page:
             return f"{path.name} is judged"
         if kind == "scene":
             with session.lock:
-                session.editor = scene_editing.SceneEditor(
-                    scene_editing.open_scene(path).to_json(), session.editor.changes + 1
-                )
+                given, changes = load_object(path).values, session.editor.changes + 1
+                session.editor = scene_editing.SceneEditor(given, changes)
             return f"the scene of {path.name} is taken"
         if suffix == ".parquet":
             with contextlib.suppress(DynidError):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dynid import constraints, export, robot
-from dynid.core import Array, InputError, JsonFields, check_word, load_object, write_json
+from dynid.core import Array, InputError, JsonFields, check_word, write_json
 
 KINDS = ("box", "cylinder", "sphere", "table", "floor", "wall")
 """What can be added."""
@@ -155,11 +155,6 @@ class SceneEditor:
         if number not in self._items:
             raise InputError("there is no such shape any more", value=number)
         return self._items[number]
-
-
-def open_scene(path: Path) -> SceneEditor:
-    """Edit a scene file."""
-    return SceneEditor(load_object(path).values)
 
 
 def _rounded(values: Any) -> list[float]:

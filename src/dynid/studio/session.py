@@ -20,7 +20,7 @@ from dynid.identification import FORMAT
 from dynid.recording import ExperimentRecord, read_record
 from dynid.robot import RobotModel, builtin_names, load_robot
 from dynid.studio.jobs import Job, Supervisor
-from dynid.studio.scene_editing import Near, SceneEditor, instant, open_scene
+from dynid.studio.scene_editing import Near, SceneEditor, instant
 from dynid.trajectory import Trajectory
 from dynid.workflow import DesignLimits, read_design, truth_path
 
@@ -193,7 +193,8 @@ def _files(paths: list[Path], folder: Path, robot: str | None, *, strict: bool) 
                 if scene is not None:
                     skipped.append((path.name, f"the scene is that of {Path(scene_file).name}"))
                 else:
-                    scene, scene_file = open_scene(path).to_json(), str(path)
+                    scene = SceneEditor(load_object(path).values).to_json()
+                    scene_file = str(path)
             elif kind in ("design", "recording"):
                 opened = open_motion(path, robot)
                 if model is None:

@@ -122,15 +122,6 @@ def rest_basis(harmonics: int) -> Array:
     return _sines_and_cosines(_orthogonal_complement(order), _orthogonal_complement(order**2))
 
 
-def _held_basis(harmonics: int) -> Array:
-    """(2H, 2H - 3) that of `rest_basis` with q(0) = q0 as well: sum_l b_l = 0; H is 3 or more."""
-    order = np.arange(1.0, harmonics + 1)
-    cosines = _orthogonal_complement(order**2)
-    # Within the cosines that have no acceleration at the ends, those that add up to zero.
-    cosines = cosines @ _orthogonal_complement(cosines.sum(axis=0))
-    return _sines_and_cosines(_orthogonal_complement(order), cosines)
-
-
 def _sines_and_cosines(sines: Array, cosines: Array) -> Array:
     """The block diagonal of two bases."""
     upper = np.hstack([sines, np.zeros((len(sines), cosines.shape[1]))])
@@ -190,7 +181,12 @@ class ModifiedFourierFamily(FourierFamily):
     least: ClassVar[int] = 3
 
     def _coefficients(self) -> Array:
-        return _held_basis(self.order)
+        order = np.arange(1.0, self.order + 1)
+        cosines = _orthogonal_complement(order**2)
+        # Within the cosines that have no acceleration at the ends, those that add up to zero, so
+        # that q(0) = q0 as well.
+        cosines = cosines @ _orthogonal_complement(cosines.sum(axis=0))
+        return _sines_and_cosines(_orthogonal_complement(order), cosines)
 
 
 def usable_bounds(limits: MotionBounds, acceleration: ArrayLike | None = None) -> MotionBounds:

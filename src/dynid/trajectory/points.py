@@ -179,28 +179,20 @@ _BESIDE = 1e-6
 """Share of a leg between a jump of the acceleration and the times beside it."""
 
 
-def _trapezoid(u: Array) -> tuple[Array, Array, Array]:
-    """The way from 0 to 1 and its first two derivatives at (N) u in [0, 1]; at rest at both ends.
-
-    At the ends the acceleration counts as zero: there the arm stands.
-    """
-    top = 1.0 / (1.0 - BLEND)
-    push = top / BLEND
-    rising, falling = u < BLEND, u > 1.0 - BLEND
-    place = np.where(rising, push / 2 * np.square(u), top * (u - BLEND / 2))
-    place = np.where(falling, 1.0 - push / 2 * np.square(1.0 - u), place)
-    speed = np.where(rising, push * u, np.where(falling, push * (1.0 - u), top))
-    inside = (u > _END) & (u < 1.0 - _END)
-    return place, speed, inside * push * (rising * 1.0 - falling * 1.0)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointToPoint(StraightMove):
     """A straight line in joint space with a trapezoid of velocity."""
 
     def profile(self, s: Array) -> tuple[Array, Array, Array]:
-        """See `StraightMove`."""
-        return _trapezoid(s)
+        """See `StraightMove`; at the ends the acceleration counts as zero: there the arm stands."""
+        top = 1.0 / (1.0 - BLEND)
+        push = top / BLEND
+        rising, falling = s < BLEND, s > 1.0 - BLEND
+        place = np.where(rising, push / 2 * np.square(s), top * (s - BLEND / 2))
+        place = np.where(falling, 1.0 - push / 2 * np.square(1.0 - s), place)
+        speed = np.where(rising, push * s, np.where(falling, push * (1.0 - s), top))
+        inside = (s > _END) & (s < 1.0 - _END)
+        return place, speed, inside * push * (rising * 1.0 - falling * 1.0)
 
     def polynomials(self) -> tuple[tuple[float, Array], ...]:
         """Duration [s] and ascending coefficients (n, 3) of the three parts, each in 0 to 1."""

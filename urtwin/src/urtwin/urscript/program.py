@@ -305,14 +305,9 @@ class CompiledProgram:
     called: frozenset[str]
     """The functions that its body calls."""
 
-    @property
-    def variables(self) -> Mapping[str, int]:
-        """Program variables and their places."""
-        return self.context.shared
-
     def execution(self, port: Any) -> ScriptRun:
         """The program, ready for its first cycle; `port` is the controller, for the built-ins."""
-        execution = ScriptRun(port, len(self.variables))
+        execution = ScriptRun(port, len(self.context.shared))
         execution.start(lambda: self.run(execution))
         return execution
 
