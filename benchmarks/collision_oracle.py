@@ -235,7 +235,7 @@ def random_motion(judge: MotionConstraints, random: np.random.Generator) -> Four
 
     def fits(motion: FourierSeries, at: np.ndarray) -> bool:
         found = motion.evaluate(at)
-        return judge.usage(found.q, found.dq, found.ddq).feasible
+        return judge.holds(found.q, found.dq, found.ddq)
 
     while True:
         pose = random.uniform(-2.5, 2.5, robot.joints)

@@ -74,7 +74,7 @@ def test_margins_are_never_above_and_hardly_below_the_truth(
     truth = judge.usage(motion.q, motion.dq, motion.ddq)
     assert set(certificate.proven) <= PROVEN
     assert {"position", "tcp_speed", "momentum"} <= set(certificate.proven)
-    for kind, item in truth.worst.items():
+    for kind, item in truth.items():
         ours = certificate.worst[kind].margin
         assert np.isnan(ours) == np.isnan(item.margin)
         if not np.isnan(ours):
@@ -97,7 +97,7 @@ def test_a_torque_that_grows_up_to_a_jump_of_the_acceleration_is_all_of_it() -> 
     judge = safe_constraints(slide, collision=False)
     leg = PointToPoint(start=np.zeros(1), goal=np.ones(1), travel_time=1.5)
     at = leg.evaluate(np.array([1 / 3 - 2e-9]) * leg.duration)
-    truth = judge.usage(at.q, at.dq, at.ddq).worst["torque"].margin
+    truth = judge.usage(at.q, at.dq, at.ddq)["torque"].margin
     assert certify(leg, judge).worst["torque"].margin <= truth
 
 
@@ -115,7 +115,7 @@ def test_torque_and_power_beside_jumps_of_the_acceleration_are_those_of_the_moti
     shares = np.sort(np.concatenate([np.linspace(2e-9, 1 - 2e-9, 9 * FINE_HZ), jumps]))
     seen = [leg.evaluate(shares * leg.duration) for leg in legs]
     for kind in ("torque", "power"):
-        truth = min(judge.usage(m.q, m.dq, m.ddq).worst[kind].margin for m in seen)
+        truth = min(judge.usage(m.q, m.dq, m.ddq)[kind].margin for m in seen)
         assert truth - 2e-3 <= found.worst[kind].margin <= truth, kind
 
 
@@ -272,7 +272,7 @@ def test_limits_and_values_are_those_of_the_robot_whatever_is_kept_free(free: fl
     robot = random_arm(4, 5)
     judge = safe_constraints(robot, collision=False, margin=free)
     q, dq, ddq = (0.3 * np.random.default_rng(0).standard_normal((20, 4)) for _ in range(3))
-    worst = judge.usage(q, dq, ddq, t=0.1 * np.arange(20)).worst
+    worst = judge.usage(q, dq, ddq, t=0.1 * np.arange(20))
     names, limits, safety = list(robot.joint_names), robot.limits, robot.safety
     for kind, values in (("velocity", dq), ("acceleration", ddq)):
         item = worst[kind]

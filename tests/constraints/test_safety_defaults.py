@@ -80,11 +80,11 @@ def test_the_plane_is_exact_and_the_margin_is_kept() -> None:
     flange = joint_poses(robot, pose[0])[-1] @ robot.flange
     tip = float(flange[2, 3] + 0.3 * flange[2, 2])
     judge = safe_constraints(robot, floor=tip - 0.05)
-    worst = judge.usage(pose, 0 * pose, 0 * pose).worst["environment"]
+    worst = judge.usage(pose, 0 * pose, 0 * pose)["environment"]
     assert worst.what == "payload tool - floor"
     # The tool's rod may be covered a little beyond its end, never short of it.
     assert 0.035 < worst.margin <= 0.05 + CLOSE
-    assert not safe_constraints(robot, floor=tip - 0.009).usage(pose, 0 * pose, 0 * pose).feasible
+    assert not safe_constraints(robot, floor=tip - 0.009).holds(pose, 0 * pose, 0 * pose)
 
 
 def test_a_robot_that_reaches_below_its_plane_must_be_told_where_the_floor_is() -> None:
@@ -129,7 +129,7 @@ def test_five_percent_are_kept_free_and_shown() -> None:
 
     def worst(margin: float) -> tuple[float, float, bool]:
         usage = safe_constraints(UR5, margin=margin).usage(q, dq, 0 * q)
-        item = usage.worst["velocity"]
+        item = usage["velocity"]
         return item.margin, item.required, item.room >= 0
 
     share, required, holds = worst(0.05)
@@ -165,7 +165,7 @@ def test_the_search_sees_what_the_certificate_sees() -> None:
     rest = np.zeros((1, 6))
     seen = {True: 0, False: 0}
     for a, b in zip(q, dq, strict=True):
-        holds = judge.usage(a[None], b[None], rest).feasible
+        holds = judge.holds(a[None], b[None], rest)
         assert (judge.violation(a[None], b[None], rest)[0] == 0.0) == holds
         seen[holds] += 1
     assert min(seen.values()) > 5

@@ -147,7 +147,7 @@ def test_a_payload_is_carried_along() -> None:
     loaded = safe_constraints(robot, scene(floor, payload=[ball]))
     rest = np.zeros((1, 6))
     before, after = (
-        judge.usage(home[None], rest, rest).worst["environment"].margin for judge in (free, loaded)
+        judge.usage(home[None], rest, rest)["environment"].margin for judge in (free, loaded)
     )
     assert after < before - 0.1
 
@@ -208,6 +208,6 @@ def test_what_hardly_reaches_a_wall_is_still_judged_against_it() -> None:
     wall = {"type": "wall", "point": [0.499 * x, 0.499 * y, 0], "normal": [-x, -y, 0]}
     judge = safe_constraints(arm, scene(wall), acceleration=10.0, floor="none")
     usage = judge.usage(pointing, still, still)
-    assert not usage.feasible
-    assert usage.worst["environment"].margin < 0.01
-    assert judge.usage(pointing + 0.5, still, still).feasible
+    assert not judge.holds(pointing, still, still)
+    assert usage["environment"].margin < 0.01
+    assert judge.holds(pointing + 0.5, still, still)

@@ -127,7 +127,7 @@ def test_violation_is_zero_exactly_where_usage_is_feasible() -> None:
     for seed in range(60):
         size = (0.02, 0.3, 1.0)[seed % 3]
         q, dq, ddq = (size * part for part in random_states(6, 1, seed))
-        holds = judge.usage(home + q, dq, ddq).feasible
+        holds = judge.holds(home + q, dq, ddq)
         assert (judge.violation(home + q, dq, ddq)[0] == 0) == holds
         seen.add(holds)
     assert seen == {True, False}
@@ -192,12 +192,12 @@ def test_a_range_that_is_not_about_zero_ends_where_it_says() -> None:
     )
     judge, rest = MotionConstraints(load_robot("ur5"), settings), np.zeros((1, 6))
     for q in (lower + 0.01, upper - 0.01):
-        assert judge.usage(q[None], rest, rest).feasible
+        assert judge.holds(q[None], rest, rest)
         assert judge.violation(q[None], rest, rest)[0] == 0
     for j, (end, by) in enumerate([(lower, -0.01), (upper, 0.01)] * 3):
         q = (lower + upper) / 2
         q[j] = end[j] + by
-        assert not judge.usage(q[None], rest, rest).feasible
+        assert not judge.holds(q[None], rest, rest)
         assert judge.violation(q[None], rest, rest)[0] > 0
 
 
@@ -236,7 +236,7 @@ def test_what_is_unknown_does_not_bind_and_is_null() -> None:
     )
     settings = ConstraintSettings(bounds=usable_bounds(bare.limits), self_clearance=0.01)
     judge = MotionConstraints(bare, settings)
-    worst = judge.usage(*random_states(3, 5, 0)).worst
+    worst = judge.usage(*random_states(3, 5, 0))
     assert {kind for kind, item in worst.items() if np.isnan(item.margin)} == {
         "acceleration",
         "torque",

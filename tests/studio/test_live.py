@@ -46,10 +46,10 @@ def test_the_drawn_ways_are_as_long_as_the_distances_that_are_judged(seed: int) 
     assert {item.kind for item in near} == {"self_collision", "environment"}
     for item in near:
         # Links that are never far apart have a smaller clearance of their own.
-        left = usage.worst[item.kind].room
+        left = usage[item.kind].room
         assert item.distance - item.clearance == pytest.approx(left, abs=CLOSE)
         assert 0 < item.clearance <= constraints.settings.clearances[item.kind]
-        assert item.names == usage.worst[item.kind].what
+        assert item.names == usage[item.kind].what
         if item.kind == "environment" and item.distance > 0:
             assert np.linalg.norm(item.end - item.start) == pytest.approx(item.distance, abs=1e-6)
             # It starts on the arm and ends on the shape, as a sweep over all bodies sees it.
@@ -68,7 +68,7 @@ def test_the_margins_of_an_instant_are_those_of_the_judge() -> None:
     generator = np.random.default_rng(7)
     q, dq, ddq = generator.normal(size=(3, 6))
     worst, _ = instant(constraints, q, dq, ddq)
-    judged = constraints.usage(q[None], dq[None], ddq[None]).worst
+    judged = constraints.usage(q[None], dq[None], ddq[None])
     assert worst.keys() == judged.keys()
     for kind, item in judged.items():
         np.testing.assert_equal(worst[kind].margin, item.margin)

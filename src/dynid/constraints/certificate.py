@@ -349,7 +349,7 @@ def certify(trajectory: motions.Trajectory, constraints: MotionConstraints) -> C
         raise InputError(
             "joints of the motion", value=motion.q.shape[1], limit=constraints.robot.joints
         )
-    worst = dict(constraints.usage(motion.q, motion.dq, motion.ddq, times).worst)
+    worst = constraints.usage(motion.q, motion.dq, motion.ddq, times)
     ends = extremes(trajectory)
     _between_samples(worst, constraints, ends)
     _add_allowance(worst, constraints, motion, [len(part) for part in parts])

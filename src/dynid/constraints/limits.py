@@ -266,19 +266,6 @@ class Worst:
         }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Usage:
-    """The worst of every kind over samples of a motion."""
-
-    worst: dict[str, Worst]
-    """Kind (`RATIOS`, `DISTANCES`) to its worst; kinds that are not judged have margin NaN."""
-
-    @property
-    def feasible(self) -> bool:
-        """Whether no judged limit is broken at any sample."""
-        return all(item.room >= 0 for item in self.worst.values())
-
-
 def left_over(ratio: float, free: float) -> float:
     """The share left of a limit of which `free` is kept free, where `ratio` of the rest is used."""
     return 1.0 - (1.0 - free) * ratio

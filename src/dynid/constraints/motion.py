@@ -52,8 +52,10 @@ class MotionConstraints:
         self.unjudged = tuple(unjudged)
         """What was asked for and cannot be judged."""
 
-    def usage(self, q: Array, dq: Array, ddq: Array, t: Array | None = None) -> limits.Usage:
-        """The worst of every kind at samples.
+    def usage(
+        self, q: Array, dq: Array, ddq: Array, t: Array | None = None
+    ) -> dict[str, limits.Worst]:
+        """Kind (`RATIOS`, `DISTANCES`) to its worst at samples; margins not judged are NaN.
 
         Args:
             q: (N, n) positions [rad or m].
@@ -101,7 +103,11 @@ class MotionConstraints:
                     required=required,
                     distance=True,
                 )
-        return limits.Usage(worst=worst)
+        return worst
+
+    def holds(self, q: Array, dq: Array, ddq: Array) -> bool:
+        """Whether no judged limit is broken at any sample (N, n)."""
+        return all(item.room >= 0 for item in self.usage(q, dq, ddq).values())
 
     def proximity(self, samples: int) -> Proximity | None:
         """A memory of distances for motions of so many samples; see `CollisionBodies`."""
@@ -176,7 +182,7 @@ class MotionConstraints:
         """
         pose = np.array(q, dtype=np.float64).reshape(1, -1)
         rest = np.zeros(pose.shape)
-        worst = self.usage(pose, rest, rest).worst
+        worst = self.usage(pose, rest, rest)
         outside = worst["position"]
         if outside.margin < 0:
             raise InputError(

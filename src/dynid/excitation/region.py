@@ -218,7 +218,7 @@ def check_room(constraints: MotionConstraints, region: MotionRegion) -> None:
 def tightest(constraints: MotionConstraints, pose: Array, what: str) -> InputError:
     """The error of a pose (n) that leaves too little room: the limit that is nearest at rest."""
     still = np.zeros((1, len(pose)))
-    worst = constraints.usage(pose[None], still, still).worst
+    worst = constraints.usage(pose[None], still, still)
     kind, item = min(worst.items(), key=lambda pair: pair[1].room)
     unit = " m" if item.distance else ""
     return InputError(

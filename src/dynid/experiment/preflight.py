@@ -70,7 +70,7 @@ class FreeSpace:
         return all(room >= self._least[kind] for kind, room in self._rooms(q, dq).items())
 
     def _rooms(self, q: Array, dq: Array) -> dict[str, float]:
-        worst = self._constraints.usage(q, dq, np.zeros(q.shape)).worst
+        worst = self._constraints.usage(q, dq, np.zeros(q.shape))
         return {kind: item.room for kind, item in worst.items()}
 
 
@@ -236,7 +236,7 @@ def plan_approach(
         return Approach(poses=straight)
     still = np.zeros_like(straight)
     # Every way has its ends.
-    ends = constraints.usage(straight, still, still).feasible
+    ends = constraints.holds(straight, still, still)
     for number, (room, growths) in enumerate(SEARCHES if ends else ()):
         if cancel is not None and cancel.is_set():
             break

@@ -188,7 +188,7 @@ def instant(
     near: list[Near] = []
     if around is not None:
         near = [_near(around.bodies, kind, pairs, rows[0]) for kind, pairs in around.pairs.items()]
-    return judge.usage(*rows).worst, near
+    return judge.usage(*rows), near
 
 
 def _near(

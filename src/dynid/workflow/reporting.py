@@ -79,7 +79,7 @@ def _judged(found: design_files.StoredDesign) -> pages.JudgedMotion | None:
     t = _instants(found)
     motion = found.stored.trajectory.evaluate(t)
     rows = zip(motion.q[:, None], motion.dq[:, None], motion.ddq[:, None], strict=True)
-    worst = [judge.usage(*row).worst for row in rows]
+    worst = [judge.usage(*row) for row in rows]
     shares = {kind: np.array([1.0 - item[kind].margin for item in worst]) for kind in KINDS}
     # Each pair has a clearance of its own: beyond it, one line at zero is the limit of all.
     gaps = {kind: np.array([item[kind].room for item in worst]) for kind in constraints.DISTANCES}
