@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any, TextIO
 
 from dynid import core, simulation
-from dynid.robot import load_robot
+from dynid.robot import PARAMETERS, load_robot
 from urtwin.machine import ControllerMachine
 from urtwin.server import clock, loop
 from urtwin.settings import CB_HZ, E_SERIES, E_SERIES_HZ, PORTS, ControllerSettings
@@ -97,10 +97,7 @@ def _truth(machine: ControllerMachine, about: dict[str, Any]) -> dict[str, Any]:
         "label": truth.label,
         "seed": about["seed"],
         "rate_hz": about["rate_hz"],
-        "parameters": [
-            *("m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy"),
-            *("Fc", "Fv", "Im"),
-        ],
+        "parameters": [*PARAMETERS, "Fc", "Fv", "Im"],
         "frame": "joint frames, tensors about their origins; Fc and Fv at reference_degC",
         "reference_degC": truth.friction.reference_degC,
         "links": truth.standard_parameters.tolist(),
