@@ -11,8 +11,7 @@ from dynid.core import provenance
 from dynid.drivers import Execution
 from dynid.experiment.plan import watch_limits
 from dynid.robot import RobotModel, load_robot
-from dynid.trajectory import FourierSeries, write_trajectory
-from rest_motions import rest_series
+from dynid.trajectory import FourierFamily, FourierSeries, write_trajectory
 
 PERIOD, RATE = 2.0, 125.0
 CYCLES = 250
@@ -26,7 +25,7 @@ def ur5() -> RobotModel:
 
 def gentle(period: float = PERIOD, size: float = 0.05, seed: int = 0) -> FourierSeries:
     free = size * np.random.default_rng(seed).normal(size=(6, 4))
-    return rest_series(period, MIDDLE, free)
+    return FourierFamily(duration=period, order=3).member(MIDDLE, free)
 
 
 def gentle_execution(
