@@ -48,8 +48,6 @@ class WholeSignal:
     joints: tuple[int, ...]
     value: float
     unit: str
-    gravity: Array | None = None
-    """(3) [m/s^2] of the robot instead of its own."""
     score: float = 0.0
     """Drop of the negative log likelihood [nats]."""
 
@@ -72,17 +70,10 @@ def whole_signals(
     own = plain.cost(rec)
     best: dict[str, WholeSignal] = {}
     for rival in _rivals(rec, sorted(np.argsort(-share)[:PAIRED].tolist())):
-        drop = own - plain.cost(rival.recording, rival.gravity)
+        drop = own - plain.cost(rival.recording)
         if drop > (best[rival.kind].score if rival.kind in best else 0.0):
             best[rival.kind] = replace(rival, score=drop)
-    return [_in_its_gravity(found) for found in best.values()]
-
-
-def _in_its_gravity(found: WholeSignal) -> WholeSignal:
-    rec, gravity = found.recording, found.gravity
-    if gravity is None:
-        return found
-    return replace(found, recording=replace(rec, robot=replace(rec.robot, gravity=gravity)))
+    return list(best.values())
 
 
 def _share(ref: Reference, values: Array) -> Array:
@@ -126,10 +117,8 @@ def _rivals(rec: Recording, paired: list[int]) -> Iterator[WholeSignal]:
     robot, n = rec.robot, rec.robot.joints
     # A turned zero of the last joint is the same as another last link.
     turning = [j for j in range(n - 1) if not robot.prismatic[j]]
-    yield WholeSignal(
-        recording=rec, kind="gravity_compensated", joints=(), value=1.0, unit="",
-        gravity=1e-6 * robot.gravity,
-    )  # fmt: skip
+    changed = replace(rec, robot=replace(robot, gravity=1e-6 * robot.gravity))
+    yield WholeSignal(recording=changed, kind="gravity_compensated", joints=(), value=1.0, unit="")
     size = float(np.linalg.norm(robot.gravity))
     ways = {tuple(np.round(_unit(np.array(w)), 9)) for w in product(_STEPS, repeat=3)}
     for way in sorted(ways) if size > 0 else ():
@@ -138,10 +127,10 @@ def _rivals(rec: Recording, paired: list[int]) -> Iterator[WholeSignal]:
             continue
         angle = angle_between(down, robot.gravity)
         if angle > _LEAST_TURN:
+            changed = replace(rec, robot=replace(robot, gravity=size * down))
             yield WholeSignal(
-                recording=rec, kind="mounting", joints=(), value=angle, unit="rad",
-                gravity=size * down,
-            )  # fmt: skip
+                recording=changed, kind="mounting", joints=(), value=angle, unit="rad"
+            )
     # Whole samples: between two of them noise averages out, and every offset explains more.
     step = float(rec.t[1] - rec.t[0])
     for offset in np.arange(-WIDEST_S, WIDEST_S + STEP_S, STEP_S).tolist():
@@ -174,9 +163,8 @@ def _rivals(rec: Recording, paired: list[int]) -> Iterator[WholeSignal]:
         for by in (np.pi / 2, -np.pi / 2, np.pi):
             yield _turned(rec, {j: by})
     for i, j in combinations([j for j in turning[1:] if j in paired], 2):
-        for a in (np.pi / 2, -np.pi / 2):
-            for b in (np.pi / 2, -np.pi / 2):
-                yield _turned(rec, {i: a, j: b})
+        for a, b in product((np.pi / 2, -np.pi / 2), repeat=2):
+            yield _turned(rec, {i: a, j: b})
 
 
 def _unit(vector: Array) -> Array:
@@ -222,8 +210,7 @@ class _Products:
 class _Plain:
     """A plain model of a recording and of its rivals, on few rows.
 
-    Most rivals share the motion of the recording, and so its columns; those of the inertial
-    parameters are linear in gravity.
+    Many rivals share robot and motion of the recording, and so its columns.
     """
 
     def __init__(self, rec: Recording, prior: tuple[Array, Array], count: float) -> None:
@@ -232,17 +219,12 @@ class _Plain:
         self.rows = np.linspace(0, len(rec.t) - 1, min(most, len(rec.t))).astype(int)
         self.counts = np.full(n, min(count, most))
         self.mean, self.precision = prior[0], np.linalg.inv(prior[1])
-        self.rec, self.model = rec, rec.model
-        self.own = self._products(rec)
-        self.slopes, self.crossed, self.squared = self._of_gravity()
-
-    def _motion(self, rec: Recording) -> tuple[Array, Array, Array]:
-        return rec.q[self.rows], rec.dq[self.rows], rec.ddq[self.rows]
+        self.rec, self.own = rec, self._products(rec)
 
     def _products(self, rec: Recording) -> _Products:
-        q, dq, ddq = self._motion(rec)
+        q, dq, ddq = rec.q[self.rows], rec.dq[self.rows], rec.ddq[self.rows]
         n, every = self.joints, np.arange(self.joints)
-        stack = self.model.stack(q, dq, ddq)
+        stack = rec.model.stack(q, dq, ddq)
         fast = np.maximum(np.percentile(np.abs(dq), 98, axis=0), 1e-6)
         columns = np.zeros((len(stack) + n, n, len(q)))
         columns[: len(stack)] = stack
@@ -250,52 +232,17 @@ class _Plain:
         return _Products(
             columns=columns,
             square=np.matmul(columns.transpose(1, 0, 2), columns.transpose(1, 2, 0)),
-            known=self.model.known_torque(q).T,
+            known=rec.model.known_torque(q).T,
             dq=dq.T,
             fast=fast,
             top=np.maximum(np.abs(ddq).max(axis=0), 1e-9),
         )
 
-    def _of_gravity(self) -> tuple[Array, Array, Array]:
-        """What 1 m/s^2 along each axis adds to the inertial columns, and its products.
-
-        (3, 10 n, n, T); (3, n, 10 n, p) with all columns; (3, 3, n, 10 n, 10 n) with itself.
-        """
-        robot, links = self.rec.robot, 10 * self.joints
-        slopes = np.empty((3, links, *self.own.columns.shape[1:]))
-        for slope, way in zip(slopes, np.eye(3), strict=True):
-            turned = replace(self.rec, robot=replace(robot, gravity=robot.gravity + way))
-            stack = turned.model.stack(*self._motion(self.rec))
-            slope[:] = stack[:links] - self.own.columns[:links]
-        rows, along = slopes.transpose(0, 2, 1, 3), self.own.columns.transpose(1, 2, 0)
-        crossed = np.matmul(rows, along)
-        squared = np.matmul(rows[:, None], rows.swapaxes(2, 3)[None])
-        return slopes, crossed, squared
-
-    def _turned(self, gravity: Array) -> _Products:
-        """Products of the own motion under another gravity (3) [m/s^2]."""
-        by, links = gravity - self.rec.robot.gravity, 10 * self.joints
-        columns, square = self.own.columns.copy(), self.own.square.copy()
-        columns[:links] += np.tensordot(by, self.slopes, axes=1)
-        crossed = np.tensordot(by, self.crossed, axes=1)
-        square[:, :links] += crossed
-        square[:, :, :links] += crossed.swapaxes(1, 2)
-        square[:, :links, :links] += np.tensordot(np.outer(by, by), self.squared, axes=2)
-        return replace(self.own, columns=columns, square=square)
-
-    def cost(self, rec: Recording, gravity: Array | None = None) -> float:
-        """Negative log likelihood of the model and its prior at its best [nats].
-
-        Args:
-            rec: The recording, or one with other signals.
-            gravity: (3) [m/s^2] instead of the robot's, under the recording's own motion.
-        """
-        if gravity is not None:
-            of = self._turned(gravity)
-        elif all(getattr(rec, x) is getattr(self.rec, x) for x in ("q", "dq", "ddq")):
-            of = self.own
-        else:
-            of = self._products(rec)
+    def cost(self, rec: Recording) -> float:
+        """Negative log likelihood of the model and its prior at its best [nats]."""
+        shared = ("robot", "q", "dq", "ddq")
+        same = all(getattr(rec, x) is getattr(self.rec, x) for x in shared)
+        of = self.own if same else self._products(rec)
         n, rows, counts = self.joints, len(self.rows), self.counts
         torque = rec.tau[self.rows].T + of.known
         cross = np.matmul(of.columns.transpose(1, 0, 2), torque[:, :, None])[:, :, 0]
