@@ -32,7 +32,7 @@ from dynid.identification import (
     standard_posterior,
     write_estimate,
 )
-from dynid.identification.selection.columns import (
+from dynid.identification.selection.candidates import (
     DISPLACEMENTS,
     LEVER,
     WIDTHS,

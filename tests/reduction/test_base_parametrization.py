@@ -364,7 +364,7 @@ def test_columns_beside_the_links_act_where_the_regressor_says(robot: str) -> No
     np.testing.assert_array_equal(acting_joints(model), np.abs(beside).max(axis=2) > 0)
     filled = np.zeros_like(beside)
     model.fill_beside(dq.T, ddq.T, filled)
-    own = sum(model.counts)
+    own = model.beside
     np.testing.assert_array_equal(filled[:own], beside[:own])
     assert not filled[own:].any()
     assert len(beside) - own == 3

@@ -6,7 +6,6 @@ so do the axes of their tensors.
 """
 
 import tempfile
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -288,12 +287,11 @@ def motion(robot: RobotModel, kind: str, seed: int, rate_hz: float, duration_s: 
     upper = np.fmin(robot.limits.upper, 2.6)
     middle, half = (lower + upper) / 2, (upper - lower) / 2
     speed = np.where(np.isfinite(robot.limits.velocity), robot.limits.velocity, 2.0)
-    makers: dict[str, Callable[[], tuple[Array, Array, Array]]] = {
-        "fourier": lambda: _fourier(draw, t, middle, half, speed),
-        "waypoints": lambda: _points(draw, t, middle, half, 0.9 * speed, 0.1),
-        "teach": lambda: _points(draw, t, middle, half, 0.35 * speed, 0.8),
-    }
-    q, dq, ddq = makers[kind]()
+    if kind == "fourier":
+        q, dq, ddq = _fourier(draw, t, middle, half, speed)
+    else:
+        share, stop_s = (0.9, 0.1) if kind == "waypoints" else (0.35, 0.8)
+        q, dq, ddq = _points(draw, t, middle, half, share * speed, stop_s)
     return Motion(t=t, q=q, dq=dq, ddq=ddq)
 
 

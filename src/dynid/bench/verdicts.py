@@ -391,19 +391,11 @@ def summarise(rows: Sequence[Row]) -> dict[str, Any]:
         for size in SIZES:
             cells = [r for r in rows if r.case.fault == fault and r.case.size == size]
             if cells:
-                planted.append(
-                    {
-                        "fault": fault,
-                        "size": size,
-                        "cases": len(cells),
-                        "named": sum(r.named for r in cells),
-                        "found": sum(bool(r.kinds) for r in cells),
-                        "usable": sum(r.level == "usable" for r in cells),
-                        "misled": sum(
-                            r.level == "usable" and r.error_percent > GOOD for r in cells
-                        ),
-                    }
-                )
+                errors = [r.error_percent for r in cells if r.level == "usable"]
+                told = sum(r.named for r in cells), sum(bool(r.kinds) for r in cells)
+                misled = sum(error > GOOD for error in errors)
+                row = (fault, size, len(cells), *told, len(errors), misled)
+                planted.append(dict(zip(COLUMNS, row, strict=True)))
     return {
         "clean": len(clean),
         "good": len(good),

@@ -3,7 +3,6 @@
 from dynid.diagnosis.diagnose import diagnose as diagnose
 from dynid.diagnosis.diagnose import findings_of as findings_of
 from dynid.diagnosis.events import contact_stretches as contact_stretches
-from dynid.diagnosis.explain import Explained as Explained
 from dynid.diagnosis.explain import Explanation as Explanation
 from dynid.diagnosis.explain import explain as explain
 from dynid.diagnosis.prior import link_prior as link_prior

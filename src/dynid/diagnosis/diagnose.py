@@ -6,16 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynid.core import Array, Finding, InputError
-from dynid.diagnosis.events import (
-    NEXT_S,
-    REVERSAL,
-    Contact,
-    clock_scale,
-    ripple,
-    rows_of,
-    travels,
-    untouched,
-)
+from dynid.diagnosis import events
 from dynid.diagnosis.explain import Explained, Explanation, explain
 from dynid.diagnosis.hypotheses import COUPLED, LEAST_DELAY_S
 from dynid.diagnosis.prior import link_prior
@@ -160,8 +151,11 @@ def diagnose(
             key = (item.kind, item.joints)
             if key not in best or best[key][0] < item.score:
                 undone = explained.reference.recording.robot
-                rival = [_as_likely(finding_of(other, robot, undone)) for other in item.rivals[:1]]
-                best[key] = (item.score, [finding_of(item, robot, undone), *rival])
+                told = [finding_of(one, robot, undone) for one in (item, *item.rivals[:1])]
+                for k, rival in enumerate(told[1:], start=1):
+                    text = f"as likely as that: {rival.text}"
+                    told[k] = replace(rival, severity="info", text=text)
+                best[key] = (item.score, told)
         others += _signals(record, robot, samples, explained)
     ranked = sorted(best.values(), key=lambda pair: (pair[1][0].severity != "error", -pair[0]))
     kinds = {pair[1][0].kind for pair in ranked}
@@ -198,9 +192,9 @@ def _explained(recording: Recording, prior: tuple[Array, Array]) -> Explained:
     explained = explain(recording, prior)
     if not explained.found:
         return explained
-    _, touched = untouched(explained.reference, explained.values)
+    _, touched = events.untouched(explained.reference, explained.values)
     touched = tuple(one for one in touched if not _meets(recording, one, explained))
-    rows = rows_of(touched, recording.t)
+    rows = events.rows_of(touched, recording.t)
     if not 0.0 < rows.mean() < MOST_TOUCHED:
         return explained
     return explain(recording.without(rows), prior)
@@ -347,10 +341,6 @@ def _mount_option(gravity: Array) -> str:
     return f"--mount tilt:{round(degrees, 1) + 0.0}, or "
 
 
-def _as_likely(rival: Finding) -> Finding:
-    return replace(rival, severity="info", text=f"as likely as that: {rival.text}")
-
-
 def _signals(
     record: ExperimentRecord, robot: RobotModel, samples: Samples, explained: Explained
 ) -> list[Finding]:
@@ -358,7 +348,7 @@ def _signals(
     ref = explained.reference
     rec = ref.recording
     made = _computed(samples.tau, ref.left(explained.values).T)
-    error, touched = untouched(ref, explained.values)
+    error, touched = events.untouched(ref, explained.values)
     ends = at_limit(samples.tau, robot.limits.torque).any(axis=0) & (not made)
     stopped: list[int] = np.flatnonzero(ends).tolist()
     torque = np.sqrt(np.square(rec.tau).mean(axis=0))
@@ -377,7 +367,7 @@ def _signals(
         told = [c for c in touched if not _meets(rec, c, explained)]
         found += [_touched(c, robot) for c in told if not set(c.joints) <= doubted]
     for j in range(robot.joints):
-        wave = ripple(rec, error, j, LEAST_RIPPLE * float(limit[j]), touched)
+        wave = events.ripple(rec, error, j, LEAST_RIPPLE * float(limit[j]), touched)
         if wave is not None:
             text = (
                 f"torque of {robot.joint_names[j]} ripples with {wave[1]:.2g} (amplitude), "
@@ -386,7 +376,7 @@ def _signals(
             unit = "N" if robot.prismatic[j] else "N.m"
             found.append(Finding("ripple", text, joints=(j,), value=wave[1], unit=unit))
     if "qd" in record.signals:
-        scale = clock_scale(record.t, record.signals["q"], record.signals["qd"])
+        scale = events.clock_scale(record.t, record.signals["q"], record.signals["qd"])
         if abs(scale - 1) > CLOCKS_DIFFER and abs(scale - 1) < 0.5:
             text = f"time runs {scale:.4g} times as fast in the stamps as in the velocities"
             found.append(
@@ -399,7 +389,7 @@ def _signals(
     found += kinds
     rows = rec.measured(rec.average(error.T))
     # The model does not have to explain contacts.
-    free = rec.average(rows_of(touched, rec.t).astype(np.float64)) == 0.0
+    free = rec.average(events.rows_of(touched, rec.t).astype(np.float64)) == 0.0
     noise = np.square(np.diff(rows, axis=1)).mean(axis=1) / 2
     left = np.square(rows[:, free]).mean(axis=1)
     beyond = np.maximum(left - noise, 0.0)
@@ -415,22 +405,22 @@ def _signals(
     return found
 
 
-def _meets(rec: Recording, contact: Contact, explained: Explained) -> bool:
+def _meets(rec: Recording, contact: events.Contact, explained: Explained) -> bool:
     """Whether a contact begins and ends at changes of a payload, which are told to a row."""
-    near = NEXT_S + rec.block * float(rec.t[1] - rec.t[0])
+    near = events.NEXT_S + rec.block * float(rec.t[1] - rec.t[0])
     ends = (contact.start_s, contact.stop_s)
     changes_s = [t for item in explained.found for t in item.changes_s]
     return all(any(abs(end - t) <= near for t in changes_s) for end in ends)
 
 
-def _moving(rec: Recording, contact: Contact) -> bool:
+def _moving(rec: Recording, contact: events.Contact) -> bool:
     """Whether a joint that the contact loads moves meanwhile."""
     fast = np.percentile(np.abs(rec.dq), 98, axis=0)
-    moves = np.abs(rec.dq) > REVERSAL * fast
-    return bool(moves[rows_of((contact,), rec.t)][:, list(contact.joints)].any())
+    moves = np.abs(rec.dq) > events.REVERSAL * fast
+    return bool(moves[events.rows_of((contact,), rec.t)][:, list(contact.joints)].any())
 
 
-def _touched(contact: Contact, robot: RobotModel) -> Finding:
+def _touched(contact: events.Contact, robot: RobotModel) -> Finding:
     names = ", ".join(robot.joint_names[j] for j in contact.joints)
     units = sorted({"N" if robot.prismatic[j] else "N.m" for j in contact.joints})
     return Finding(
@@ -474,7 +464,8 @@ def _kind_of_torque(explained: Explained, limit: Array) -> list[Finding]:
     driven, all_friction = 0.0, 0.0
     left: list[tuple[float, float]] = []
     # Slides may have no gears, and friction of a joint that stands still is not seen.
-    turns: list[int] = np.flatnonzero(~np.array(rec.robot.prismatic) & travels(rec.q)).tolist()
+    turn = ~np.array(rec.robot.prismatic) & events.travels(rec.q)
+    turns: list[int] = np.flatnonzero(turn).tolist()
     for j in turns:
         own = [*range(ref.shapes.start + j, ref.shapes.stop, count), 10 * n + j]
         columns = rec.measured(ref.columns[[*own, 11 * n + j]])[:, j]

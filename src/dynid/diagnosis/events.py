@@ -5,17 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, Indices, Mask, scipy_part
-from dynid.diagnosis.residual import (
-    BLOCKS,
-    NO_ERROR,
-    SHAPES,
-    SLOW,
-    STEPPED,
-    Recording,
-    Reference,
-    correlation_length,
-    fits,
-)
+from dynid.diagnosis import residual
+from dynid.diagnosis.residual import Recording, Reference
 from dynid.identification import wave_power
 from dynid.robot import RobotModel
 from dynid.signals import GAP_STEPS, find_period
@@ -193,7 +184,7 @@ def untouched(ref: Reference, values: Array) -> tuple[Array, tuple[Contact, ...]
     if not suspected:
         return error, ()
     rest = replace(ref, recording=rec.without(rows_of(suspected, rec.t)))
-    _, values = fits(rest)
+    _, values = residual.fits(rest)
     error = rec.tau - ref.predicted(values)
     return error, contacts(rec, error, _held(ref, values), unsure=torque_deviations(rest, values))
 
@@ -212,8 +203,8 @@ def torque_deviations(ref: Reference, values: Array) -> Array:
     A motion that the recording shows once is known less well than one that it shows often.
     """
     rows, columns = ref.left(values), ref.recording.measured(ref.columns)
-    noise = np.square(rows).mean(axis=1) * correlation_length(rows, ref.period)
-    noise = np.maximum(noise, NO_ERROR)
+    noise = np.square(rows).mean(axis=1) * residual.correlation_length(rows, ref.period)
+    noise = np.maximum(noise, residual.NO_ERROR)
     sums = np.matmul(columns.transpose(1, 0, 2), columns.transpose(1, 2, 0))
     root = np.linalg.cholesky(np.tensordot(1 / noise, sums, axes=1) + ref.precision)
     turned = np.linalg.solve(root, ref.columns.reshape(len(root), -1))
@@ -226,18 +217,12 @@ def torque_deviations(ref: Reference, values: Array) -> Array:
 def _held(ref: Reference, values: Array) -> Array:
     """(n) friction of moving joints but for what grows with speed: as much is held at rest."""
     rec, first = ref.recording, ref.shapes.start
-    last = first + STEPPED * (ref.shapes.stop - first) // SHAPES
+    last = first + residual.STEPPED * (ref.shapes.stop - first) // residual.SHAPES
     friction = np.tensordot(values[first:last], ref.columns[first:last], axes=1)
     speed = rec.average(np.abs(rec.dq.T))
     slowest = REVERSAL * np.percentile(speed, 98, axis=1)
     moves = speed > slowest[:, None]
     return (moves * np.abs(friction)).sum(axis=1) / np.maximum(moves.sum(axis=1), 1)
-
-
-def _settled(rec: Recording) -> Mask:
-    """(N, n) where a joint has moved: before, the state of its friction is unknown."""
-    away = np.abs(rec.q - rec.q[0]) > SETTLED * np.ptp(rec.q, axis=0)
-    return np.maximum.accumulate(away, axis=0)
 
 
 def _without_holding(mean: Array, stands: Mask, held: float) -> Array:
@@ -281,7 +266,8 @@ def _without_repetitions(rec: Recording, error: Array, rate_hz: float) -> Array:
     Incomplete repetitions count as far as they go. While the state of a joint's friction is
     unknown its errors tell nothing, neither of a contact nor of other repetitions.
     """
-    settled = _settled(rec)
+    away = np.abs(rec.q - rec.q[0]) > SETTLED * np.ptp(rec.q, axis=0)
+    settled = np.maximum.accumulate(away, axis=0)
     period = find_period(rec.q, rate_hz)
     left = error
     if period is not None:
@@ -361,10 +347,10 @@ def strokes(rec: Recording) -> float:
     however many they are. So many blocks of a recording are independent.
     """
     dq = rec.dq[:, travels(rec.q)]
-    way = np.sign(dq) * (np.abs(dq) > SLOW * np.percentile(np.abs(dq), 98, axis=0))
+    way = np.sign(dq) * (np.abs(dq) > residual.SLOW * np.percentile(np.abs(dq), 98, axis=0))
     starts = (np.diff(way, axis=0, prepend=0.0) != 0) & (way != 0)
     together = np.abs(way).sum() / max(float(way.any(axis=1).sum()), 1.0)
-    return float(np.clip(starts.sum() / max(together, 1.0), 1.0, BLOCKS))
+    return float(np.clip(starts.sum() / max(together, 1.0), 1.0, residual.BLOCKS))
 
 
 SCALE, FILTER_S = 0.5, 0.1

@@ -5,30 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, scipy_part
-from dynid.diagnosis.events import strokes
+from dynid.diagnosis import events, residual, whole_signals
 from dynid.diagnosis.evidence import Scored, drops, score
 from dynid.diagnosis.hypotheses import COUPLED, Hypothesis, Undo, hypotheses
 from dynid.diagnosis.prior import link_prior, with_payload
-from dynid.diagnosis.residual import (
-    BLOCKS,
-    Fits,
-    Recording,
-    Reference,
-    fits,
-    presliding_of,
-    reference,
-    settled,
-    sums_of,
-)
-from dynid.diagnosis.whole_signals import (
-    DRIVES,
-    IMPOSSIBLE,
-    STEP_S,
-    angle_between,
-    doubtful,
-    friction_power,
-    whole_signals,
-)
+from dynid.diagnosis.residual import Fits, Recording, Reference
 
 EVIDENT, BY_CHANCE = 5.0, 0.01
 """Log of the Bayes factor over none that an explanation needs [nats], and the chance (Student's t
@@ -112,7 +93,7 @@ def explain(
         admitted = _ranked(both, found)
         while admitted and not _confirmed(fitted, prior, added, admitted[0], found):
             admitted = admitted[1:]
-        if not right and len(found) < MOST and doubtful(ref, values):
+        if not right and len(found) < MOST and whole_signals.doubtful(ref, values):
             whole = _whole(both, prior, added, admitted[:1], offsets and not found)
             if whole is not None:
                 right = True
@@ -158,11 +139,11 @@ def explain(
             if not _stands(recording, prior, rest, known, others):
                 added, found = rest, others
                 fitted = _fitted(recording, prior, added, links)
-    if any(e.kind == "clock_offset" and abs(e.value) < STEP_S / 2 for e in found):
+    if any(e.kind == "clock_offset" and abs(e.value) < whole_signals.STEP_S / 2 for e in found):
         # Corrected until nothing was left of it: it was none.
         return explain(told, published, offsets=False)
     # Turns about several axes do not add up.
-    turn = angle_between(told.robot.gravity, ref.recording.robot.gravity)
+    turn = whole_signals.angle_between(told.robot.gravity, ref.recording.robot.gravity)
     found = [replace(e, value=turn) if e.kind == "mounting" else e for e in found]
     return Explained(found=tuple(found), reference=ref, values=values)
 
@@ -190,7 +171,7 @@ def _whole(
         fast = _fitted(other[0].recording.fast(), prior, added, other[2][: 10 * n])
         return min(_drop(both[0], other), _drop(both[1], fast)), other
 
-    wholes = whole_signals(ref, sums, values, prior)
+    wholes = whole_signals.whole_signals(ref, sums, values, prior)
     wholes = [w for w in wholes if offsets or w.kind != "clock_offset"]
     most, out = 0.0, None
     # It has to explain more than a fault of some size does.
@@ -220,7 +201,7 @@ def _ranked(both: tuple[_Fitted, _Fitted], found: list[Explanation]) -> list[Sco
     rivals = hypotheses(both[0][0], both[0][2])
     firsts = np.cumsum([len(both[0][0].columns), *(len(rival.columns) for rival in rivals)])
     every = [
-        (ref, replace(own, sums=sums_of(ref, *(rival.columns for rival in rivals))))
+        (ref, replace(own, sums=residual.sums_of(ref, *(rival.columns for rival in rivals))))
         for ref, own, _ in both
     ]
 
@@ -279,13 +260,13 @@ def _drop(one: _Fitted, other: _Fitted) -> float:
     All joints count alike: an exchange must not gain from joints that count differently; nor does
     a gain, by torques that are smaller.
     """
-    count = float(np.median(other[1].counts)) * strokes(one[0].recording) / BLOCKS
+    count = float(np.median(other[1].counts)) * events.strokes(one[0].recording) / residual.BLOCKS
 
     def cost(ref: Reference, sums: Fits, values: Array) -> float:
         left = np.square(ref.left(values)).mean(axis=1) + 1e-18
         left = left / (np.square(ref.recording.tau).mean(axis=0) + 1e-18)
-        driven = int((friction_power(ref, values) < DRIVES).sum())
-        unlikely = sums.penalty(values) + IMPOSSIBLE * driven
+        driven = int((whole_signals.friction_power(ref, values) < whole_signals.DRIVES).sum())
+        unlikely = sums.penalty(values) + whole_signals.IMPOSSIBLE * driven
         return 0.5 * count * float(np.log(left).sum()) + unlikely
 
     return cost(*one) - cost(*other)
@@ -312,14 +293,14 @@ def _alone(ref: Reference, rival: Hypothesis, sums: Fits, first: int) -> Scored:
     kept = [*range(p), *range(first, first + m), sums.sums.shape[-1] - 1]
     start = replace(
         sums,
-        sums=sums.only(kept),
+        sums=sums.sums[np.ix_(*map(range, sums.sums.shape[:2]), kept, kept)],
         own=p + m,
         mean=widened.mean,
         precision=np.block([[known, none], [none.T, wide]]),
     )
-    found, _ = settled(widened, start, ALONE_SWEEPS)
+    found, _ = residual.settled(widened, start, ALONE_SWEEPS)
     found = replace(found, own=p, mean=ref.mean, precision=found.precision[:p, :p])
-    return score(found, rival, sums, strokes(ref.recording))
+    return score(found, rival, sums, events.strokes(ref.recording))
 
 
 def _confirmed(
@@ -378,13 +359,6 @@ def _same(found: Explanation, now: Hypothesis) -> bool:
     return (found.kind, found.joints) == (now.kind, now.joints)
 
 
-def _coupled_otherwise(found: Explanation, now: Hypothesis) -> bool:
-    """Whether motors that were found coupled are to be coupled in another way as well."""
-    return (
-        found.kind != now.kind and found.joints == now.joints and {found.kind, now.kind} <= COUPLED
-    )
-
-
 def _fitted(
     recording: Recording,
     prior: tuple[Array, Array],
@@ -398,17 +372,18 @@ def _fitted(
     if inertial is None:
         ref, sums, first = _fitted(recording, prior, added, prior[0])
         inertial = first[: 10 * recording.robot.joints]
-        recording = replace(recording, presliding=presliding_of(ref, first, sums.counts))
-    columns = np.concatenate([h.columns for h in added]) if added else None
-    spread = np.concatenate([h.width for h in added]) if added else None
-    ref = reference(recording, prior, inertial, columns, spread)
-    sums, values = fits(ref)
+        recording = replace(recording, presliding=residual.presliding_of(ref, first, sums.counts))
+    beside = [(h.columns, h.width) for h in added]
+    ref = residual.reference(recording, prior, inertial, beside)
+    sums, values = residual.fits(ref)
     return ref, sums, values
 
 
 def _admitted(scored: Scored, found: list[Explanation]) -> bool:
     known, size = scored.hypothesis, abs(scored.value)
-    if any(_coupled_otherwise(item, known) for item in found):
+    # Motors that were found coupled are not coupled in another way as well.
+    coupled = {e.kind for e in found if e.joints == known.joints} & COUPLED
+    if known.kind in COUPLED and coupled - {known.kind}:
         return False
     # A size that was found before may be corrected downwards.
     physical = scored.value > known.lowest or any(_same(item, known) for item in found)
@@ -422,7 +397,7 @@ def _admitted(scored: Scored, found: list[Explanation]) -> bool:
 
 def _by_chance(sizes: int) -> float:
     """Standard deviations that one of so many sizes exceeds by chance."""
-    return -float(scipy_part("special").stdtrit(BLOCKS - 1, 0.5 * BY_CHANCE / sizes))
+    return -float(scipy_part("special").stdtrit(residual.BLOCKS - 1, 0.5 * BY_CHANCE / sizes))
 
 
 def _explanation(best: Scored, others: list[Scored], before: Explanation | None) -> Explanation:

@@ -115,12 +115,6 @@ class _Torques:
         return self.rec.average(np.array([x.T for x in torques]))
 
 
-def _only(torque: Array, joint: int) -> Array:
-    out = np.zeros_like(torque)
-    out[:, joint] = torque[:, joint]
-    return out
-
-
 def hypotheses(ref: Reference, values: Array) -> list[Hypothesis]:
     """All explanations that are linear near nothing.
 
@@ -167,9 +161,7 @@ def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hy
             columns=torques.columns(*(torques.slope(1e-3, x) for x in leaning)),
             undo=lambda r, x: replace(r, robot=_tilted(r.robot, x)),
         )  # fmt: skip
-    if rec.robot.published[-1]:
-        yield _payload(ref, values)
-    yield from _payload_changes(ref, values)
+    yield from _payloads(ref, values)
     friction = ref.columns[10 * n :].copy()
     friction[n : 2 * n] = 0.0  # motor inertia
     total = np.tensordot(values[10 * n :], friction, axes=1)
@@ -180,57 +172,47 @@ def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hy
     )  # fmt: skip
 
 
-def _at_the_flange(ref: Reference) -> tuple[Array, float]:
-    """(10, n, T) columns of a body there, and the mass that the arm is expected to carry [kg].
+def _payloads(ref: Reference, values: Array) -> Iterator[Hypothesis]:
+    """A body that is carried at the flange, and one that is in the rows in which it explains most.
 
-    Of a point at the flange; then of what its first and second moments differ by.
+    The columns are those of a point there, then of what its first and second moments differ by.
     """
-    n = ref.recording.robot.joints
-    last = ref.columns[10 * (n - 1) : 10 * n]
-    body = np.tensordot(of_the_last_link(ref.recording.robot), last, axes=1)
-    return body, PAYLOAD * float(ref.mean[: 10 * n : 10].sum())
-
-
-def _payload_changes(ref: Reference, values: Array) -> Iterator[Hypothesis]:
-    """A body that is carried in the rows in which it explains most."""
-    rec, (body, carried) = ref.recording, _at_the_flange(ref)
-    width = carried * np.array([1.0, *[LEVER_M] * 3])
-    rows = loaded(ref, values, body[:4], width)
+    rec, last = ref.recording, ref.recording.robot.joints - 1
+    of_last = of_the_last_link(rec.robot)
+    body = np.tensordot(of_last, ref.columns[10 * last : 10 * last + 10], axes=1)
+    carried = PAYLOAD * float(ref.mean[: 10 * last + 10 : 10].sum())
+    width = carried * np.array([1.0, *[LEVER_M] * 3, *[RADIUS_M**2] * 6])
+    if rec.robot.published[last]:
+        yield Hypothesis(
+            kind="payload", joints=(last,), unit="kg", width=width, least=0.05 * carried,
+            columns=body, widest=MOST_CARRIED,
+            # What is left of the last link has a mass.
+            lowest=-max(float(values[10 * last]), 0.0),
+        )  # fmt: skip
+    rows = loaded(ref, values, body[:4], width[:4])
     changes, told = changes_of(rows, ref.period)
     # What is there or not for less than a block may be anything.
     if min(rows.sum(), (~rows).sum()) >= len(rows) // BLOCKS:
         yield Hypothesis(
-            kind="payload_change", joints=(rec.robot.joints - 1,), unit="kg", width=width,
+            kind="payload_change", joints=(last,), unit="kg", width=width[:4],
             least=0.05 * carried, columns=body[:4] * rows, widest=MOST_CARRIED,
             changes_s=tuple(rec.t[changes * rec.block].tolist()), told=told,
         )  # fmt: skip
 
 
-def _payload(ref: Reference, values: Array) -> Hypothesis:
-    n = ref.recording.robot.joints
-    body, carried = _at_the_flange(ref)
-    return Hypothesis(
-        kind="payload", joints=(n - 1,), unit="kg", least=0.05 * carried,
-        width=carried * np.array([1.0, *[LEVER_M] * 3, *[RADIUS_M**2] * 6]), columns=body,
-        # What is left of the last link has a mass.
-        lowest=-max(float(values[10 * (n - 1)]), 0.0),
-        widest=MOST_CARRIED,
-    )  # fmt: skip
-
-
 def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
     rec, here = torques.rec, torques.here
-    step = float(rec.t[1] - rec.t[0])
+    step, own = float(rec.t[1] - rec.t[0]), np.arange(torques.joints) == j
     if torques.joints > 1:  # Those of a single joint are those of the arm.
         yield Hypothesis(
             kind="drive_gain", joints=(j,), unit="1", width=np.array([0.5]), least=0.05,
-            columns=torques.columns(_only(here, j)),
-            undo=lambda r, x: replace(r, tau=_scaled(r.tau, j, 1 / (1 + float(x[0])))),
+            columns=torques.columns(np.where(own, here, 0.0)),
+            undo=lambda r, x: replace(r, tau=r.tau * np.where(own, 1 / (1 + x[0]), 1.0)),
             lowest=-1.0,
         )  # fmt: skip
         yield Hypothesis(
             kind="delay", joints=(j,), unit="s", width=np.array([0.05]), least=LEAST_DELAY_S,
-            columns=torques.columns(_only(-np.gradient(torques.smooth, step, axis=0), j)),
+            columns=torques.columns(np.where(own, -np.gradient(torques.smooth, step, axis=0), 0.0)),
             undo=lambda r, x: replace(r, tau=_shifted(r, float(x[0]), (j,))),
             # A lead cannot be told from stiction before a reversal.
             lowest=0.0,
@@ -244,7 +226,7 @@ def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
             kind="encoder_zero", joints=(j,), unit="m" if slides else "rad",
             width=np.array([0.2]), least=0.005 if slides else 0.02,
             columns=torques.columns(-torques.slope(1e-3, torques.at(by=moved))),
-            undo=lambda r, x: replace(r, q=_moved(r.q, j, -float(x[0]))),
+            undo=lambda r, x: replace(r, q=r.q - np.where(own, x[0], 0.0)),
         )  # fmt: skip
     carried = torques.links[:, j]
     bent = np.zeros((3, *rec.q.shape))
@@ -324,18 +306,6 @@ def _coupled(rec: Recording, kind: str, j: int, m: int, by: float) -> Recording:
         back = np.linalg.solve(after, before).T
         rec = rec.with_motion(lambda values: values @ back)
     return rec
-
-
-def _scaled(tau: Array, j: int, factor: float) -> Array:
-    out = tau.copy()
-    out[:, j] *= factor
-    return out
-
-
-def _moved(q: Array, j: int, by: float) -> Array:
-    out = q.copy()
-    out[:, j] += by
-    return out
 
 
 def _shifted(rec: Recording, by: float, joints: tuple[int, ...]) -> Array:

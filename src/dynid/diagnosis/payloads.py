@@ -86,19 +86,11 @@ def _parts_loaded(
     prior: Array,
     parts: int,
 ) -> Mask:
-    """(T) rows of the parts that leave least when they carry a body.
+    """(T) rows of so many parts that leave least when they carry a body.
 
-    As long as that leaves less, the stretch of parts is changed that gains most.
-
-    Args:
-        columns: (p, n, T) columns of the arm.
-        torque: (n, T) torque.
-        body: (m, n, T) columns of the body.
-        weighted: (m, n, T) the same, times the weights of the joints.
-        matrix: (p, p) normal matrix of the arm, prior included.
-        right: (p) its right side.
-        prior: (m, m) prior precision of the body.
-        parts: Their number.
+    As long as that leaves less, the stretch of parts is changed that gains most. Of the columns of
+    the arm (p, n, T), the torque (n, T), those of the body (m, n, T), `weighted` by joint, the
+    arm's normal matrix (p, p) with its prior, its right side (p), the body's precision (m, m).
     """
     m, count = len(body), torque.shape[1]
     each = np.arange(parts)

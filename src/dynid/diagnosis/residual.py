@@ -5,21 +5,14 @@ motor inertia, and friction that builds up, falls with speed and grows with load
 not friction that was described too plainly, so an explanation has to bring more than that.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
+from dynid import regressor
 from dynid.core import Array, Mask, scipy_part
-from dynid.regressor import (
-    CHUNK,
-    FrictionTerms,
-    InverseDynamicModel,
-    coupled_motors,
-    friction_state,
-    motor_turns,
-)
 from dynid.robot import RobotModel
 from dynid.signals import find_period
 
@@ -76,10 +69,10 @@ class Recording:
     """(n) displacement of the quicker part, share of travel; None for the first of `QUICK`."""
 
     @property
-    def model(self) -> InverseDynamicModel:
+    def model(self) -> regressor.InverseDynamicModel:
         """Inertial, viscous and motor columns."""
-        return InverseDynamicModel(
-            robot=self.robot, friction=FrictionTerms(terms=(("fv", None), ("im", None)))
+        return regressor.InverseDynamicModel(
+            robot=self.robot, friction=regressor.FrictionTerms(terms=(("fv", None), ("im", None)))
         )
 
     def average(self, values: Array) -> Array:
@@ -94,12 +87,6 @@ class Recording:
         if self.apart is None:
             return values
         return values * (self.average(self.apart.T.astype(np.float64)) == 0.0)
-
-    @property
-    def kept(self) -> Array:
-        """(n) averaged rows whose torques belong to the motion, at least one."""
-        rows = self.measured(np.ones((self.tau.shape[1], len(self.t) // self.block)))
-        return np.maximum(rows.sum(axis=1), 1.0)
 
     def without(self, rows: Mask) -> "Recording":
         """The recording with the torques of rows (N), or of joints in rows (N, n), apart too."""
@@ -168,14 +155,14 @@ def _parts(rec: Recording, inertial: Array) -> Iterator[tuple[slice, Array]]:
     """Columns (p, n, T) of parts of a recording, nothing averaged."""
     model, n = rec.model, rec.robot.joints
     # Friction is that of each joint, and of each motor that several joints turn.
-    turns = np.concatenate([np.eye(n), motor_turns(rec.robot)])
-    joints, count = [*range(n), *coupled_motors(rec.robot)], len(turns)
+    turns = np.concatenate([np.eye(n), regressor.motor_turns(rec.robot)])
+    joints, count = [*range(n), *regressor.coupled_motors(rec.robot)], len(turns)
     turned = turns @ rec.friction_q.T
     fast = np.maximum(np.percentile(np.abs(turns @ rec.dq.T), 98, axis=1), 1e-6)[:, None]
     travel = np.maximum(np.ptp(turned, axis=1), 1e-6)
     quick = np.full(n, QUICK[0]) if rec.presliding is None else rec.presliding
-    states = [friction_state(turned, d * travel) for d in (quick[joints], GRADUAL)]
-    step = max(1, CHUNK // rec.block) * rec.block
+    states = [regressor.friction_state(turned, d * travel) for d in (quick[joints], GRADUAL)]
+    step = max(1, regressor.CHUNK // rec.block) * rec.block
     for first in range(0, len(rec.t), step):
         part = slice(first, min(first + step, len(rec.t)))
         inner = model.stack(rec.q[part], rec.dq[part], rec.ddq[part])
@@ -200,8 +187,7 @@ def reference(
     recording: Recording,
     prior: tuple[Array, Array],
     inertial: Array | None = None,
-    added: Array | None = None,
-    spread: Array | None = None,
+    added: Sequence[tuple[Array, Array]] = (),
 ) -> Reference:
     """Columns of a recording.
 
@@ -209,8 +195,8 @@ def reference(
         recording: The recording.
         prior: From `link_prior`.
         inertial: (10 n) parameters that the load of friction is taken from; None for the prior's.
-        added: (m, n, T) columns of explanations that were found before, averaged.
-        spread: (m) their standard deviations.
+        added: Columns (m, n, T) of each explanation that was found before, averaged, and their
+            standard deviations (m).
     """
     n = recording.robot.joints
     load = prior[0] if inertial is None else inertial
@@ -222,9 +208,9 @@ def reference(
     strength = np.sqrt(np.square(columns[10 * n :]).mean(axis=2))
     own = FRICTION_SPREAD * size[strength.argmax(axis=1)] / (strength.sum(axis=1) + 1e-12)
     shapes = slice(len(recording.model.columns), len(columns))
-    if added is not None and spread is not None:
-        columns = np.concatenate([columns, added])
-        own = np.concatenate([own, spread])
+    if added:
+        columns = np.concatenate([columns, *(more for more, _ in added)])
+        own = np.concatenate([own, *(spread for _, spread in added)])
     precision = np.zeros((len(columns), len(columns)))
     precision[: 10 * n, : 10 * n] = np.linalg.inv(prior[1])
     rest = np.arange(10 * n, len(columns))
@@ -265,7 +251,7 @@ def presliding_of(ref: Reference, values: Array, counts: Array) -> Array:
     slow = rec.average(_falling(speed))
     load = np.abs(np.tensordot(ref.load, ref.columns[: 10 * n], axes=1))
     travel = np.maximum(np.ptp(rec.q, axis=0), 1e-6)
-    states = [rec.average(friction_state(rec.friction_q.T, d * travel)) for d in QUICK]
+    states = [rec.average(regressor.friction_state(rec.friction_q.T, d * travel)) for d in QUICK]
     error = ref.left(values)
     kept = rec.measured(np.ones_like(error))
     cuts = np.arange(1, BLOCKS) * error.shape[1] // BLOCKS
@@ -356,14 +342,6 @@ class Fits:
         total: Array = np.matmul(self.weights, self.sums.reshape(blocks, n, -1))
         return total.reshape(blocks, size, size)
 
-    def only(self, kept: list[int]) -> Array:
-        """(BLOCKS, n, k, k) sums of products of some columns alone."""
-        blocks, n, size, _ = self.sums.shape
-        rows = np.array(kept)
-        places = (size * rows[:, None] + rows).ravel()
-        flat: Array = np.take(self.sums.reshape(blocks * n, -1), places, axis=1)
-        return flat.reshape(blocks, n, len(rows), len(rows))
-
     def widened(self, values: Array) -> float:
         """Square of the spread of inertias over the published one, as parameters (p) show it.
 
@@ -425,7 +403,8 @@ def sums_of(ref: Reference, *added: Array) -> Array:
 
 def fits(ref: Reference) -> tuple[Fits, Array]:
     """Sums of a reference, weighted by what it leaves, and (p) its parameters."""
-    rows, n = ref.recording.kept, len(ref.torque)
+    n = len(ref.torque)
+    rows = np.maximum(ref.recording.measured(np.ones(ref.torque.shape)).sum(axis=1), 1.0)
     found = Fits(
         sums=sums_of(ref),
         rows=rows,

@@ -105,9 +105,6 @@ class ExperimentPlan:
         if not (math.isfinite(self.warm_up_s) and self.warm_up_s >= 0):
             raise InputError("the time to warm up", value=self.warm_up_s, limit="0 s or more")
         trajectory.whole_cycles(self.trajectory.duration, self.rate_hz)
-        self._check_ends()
-
-    def _check_ends(self) -> None:
         if self.trajectory.joints != self.robot.joints:
             raise InputError(
                 f"the motion has {self.trajectory.joints} joints but {self.robot.name} has "

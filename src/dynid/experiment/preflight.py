@@ -80,12 +80,9 @@ class _Tree:
     def __init__(self, root: Array) -> None:
         self.poses, self.parents = [root], [-1]
 
-    def nearest(self, q: Array) -> int:
-        return int(np.argmin(np.linalg.norm(np.array(self.poses) - q, axis=1)))
-
     def grow(self, space: FreeSpace, towards: Array) -> int | None:
         """The number of a new pose one step nearer to another pose; None if it is blocked."""
-        base = self.nearest(towards)
+        base = int(np.argmin(np.linalg.norm(np.array(self.poses) - towards, axis=1)))
         a = self.poses[base]
         away = towards - a
         way = float(np.abs(away).max())

@@ -56,8 +56,8 @@ from dynid.identification.ripple import resolve_ripple as resolve_ripple
 from dynid.identification.ripple import wave_power as wave_power
 from dynid.identification.ripple import with_ripple as with_ripple
 from dynid.identification.selection.assessment import Assessment as Assessment
-from dynid.identification.selection.columns import with_load as with_load
-from dynid.identification.selection.columns import without_negative as without_negative
+from dynid.identification.selection.candidates import with_load as with_load
+from dynid.identification.selection.candidates import without_negative as without_negative
 from dynid.identification.selection.search import PURPOSES as PURPOSES
 from dynid.identification.selection.search import Selection as Selection
 from dynid.identification.selection.search import select as select

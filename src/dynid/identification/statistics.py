@@ -86,8 +86,10 @@ class _Noise:
         rho, share = float(self.rho[joint]), float(self.share[joint])
         if share * rho < NEGLIGIBLE:
             return columns
-        ahead = _recursion(columns, rho)
-        behind = _recursion(columns[::-1], rho)[::-1]
+        # y_t = x_t + rho y_(t-1), along the rows and back.
+        recursion = scipy_part("signal").lfilter
+        ahead = recursion([1.0], [1.0, -rho], columns, axis=0)
+        behind = recursion([1.0], [1.0, -rho], columns[::-1], axis=0)[::-1]
         return share * (ahead + behind) + (1.0 - 2.0 * share) * columns
 
 
@@ -151,12 +153,6 @@ def _whitened_columns(
         for rows, columns, _ in problem.chunks()
     ]
     return np.concatenate(parts, axis=1) * fit.weights[:, None, None]
-
-
-def _recursion(columns: Array, rho: float) -> Array:
-    """y_t = x_t + rho y_(t-1) along the first axis."""
-    filtered = scipy_part("signal").lfilter([1.0], [1.0, -rho], columns, axis=0)
-    return np.asarray(filtered, dtype=np.float64)
 
 
 def _expected_sums(designs: Array, beside: list[Array], noise: _Noise, reach: list[int]) -> Array:

@@ -222,15 +222,6 @@ def _with_motions(design: Array, motion: Indices) -> Array:
     return np.column_stack([design, *(column - column.mean() for column in columns)])
 
 
-def _whitened(design: Array, after: Array, spread: Array) -> tuple[Array, Array]:
-    """An orthonormal basis of the design, and unit steps orthogonal to it."""
-    root = np.linalg.qr(design / spread[:, None])[0]
-    steps = after / spread[:, None]
-    steps = steps - root @ (root.T @ steps)
-    size = np.linalg.norm(steps, axis=0)
-    return root, np.where(size > 1e-6 * size.max(), steps / np.maximum(size, 1e-300), 0.0)
-
-
 def _tested(
     design: Array, after: Array, values: Array, spread: Array, permutations: int
 ) -> tuple[float, int]:
@@ -238,7 +229,12 @@ def _tested(
 
     Sequential (Besag and Clifford 1991).
     """
-    root, steps = _whitened(design, after, spread)
+    # An orthonormal basis of the design, and unit steps orthogonal to it.
+    root = np.linalg.qr(design / spread[:, None])[0]
+    steps = after / spread[:, None]
+    steps = steps - root @ (root.T @ steps)
+    size = np.linalg.norm(steps, axis=0)
+    steps = np.where(size > 1e-6 * size.max(), steps / np.maximum(size, 1e-300), 0.0)
     error = values - root @ (root.T @ values)
     gains = np.square(steps.T @ error)
     best = int(np.argmax(gains))

@@ -5,6 +5,7 @@ from their observation matrix. Panels are the base columns that can differ from 
 a joint.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -303,7 +304,7 @@ def reduce_model(
             structural, warnings, w = model, (), own
             classes = rank_and_classes(w, tolerance)
             independent, dependent, k = regrouping(w, tolerance)
-    warnings = (*warnings, *_weak_gap(classes), *_two_ranks(classes.rank, len(independent)))
+    warnings = (*warnings, *_doubtful_rank(classes, len(independent)))
     return BaseParametrization(
         model=model,
         independent=independent,
@@ -394,29 +395,16 @@ def _departure(robot: RobotModel, nominal: RobotModel, frames: str) -> str | Non
     )
 
 
-def _two_ranks(by_singular_values: int, by_columns: int) -> tuple[core.Finding, ...]:
-    if by_singular_values == by_columns:
-        return ()
-    return (
-        core.Finding(
-            "ill_conditioned",
-            f"the tolerance cuts through the singular values: they give rank {by_singular_values},"
-            f" the columns in order give {by_columns}",
-        ),
-    )
-
-
-def _weak_gap(classes: Rank) -> tuple[core.Finding, ...]:
+def _doubtful_rank(classes: Rank, by_columns: int) -> Iterator[core.Finding]:
     before, after = classes.gap
-    if before > WEAK and after < CLEAR_GAP * before:
-        return ()
-    return (
-        core.Finding(
-            "ill_conditioned",
-            f"the rank {classes.rank} has no clear gap: the last singular value that counts is "
-            f"{before:.1e} of the largest, the next {after:.1e}",
-        ),
-    )
+    if not (before > WEAK and after < CLEAR_GAP * before):
+        text = f"the rank {classes.rank} has no clear gap: the last singular value that counts is "
+        text += f"{before:.1e} of the largest, the next {after:.1e}"
+        yield core.Finding("ill_conditioned", text)
+    if classes.rank != by_columns:
+        text = "the tolerance cuts through the singular values: they give rank "
+        text += f"{classes.rank}, the columns in order give {by_columns}"
+        yield core.Finding("ill_conditioned", text)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -486,7 +474,7 @@ def acting_joints(model: InverseDynamicModel) -> core.Array:
     out = np.zeros((len(model.columns) - 10 * robot.joints, robot.joints, 2))
     model.fill_beside(speed[0], speed[1], out)
     # Load-dependent friction and ripple act on the joint that they are named after.
-    first = sum(model.counts)
-    for k, column in enumerate(model.columns[10 * robot.joints + first :], start=first):
+    first = 10 * robot.joints + model.beside
+    for k, column in enumerate(model.columns[first:], start=model.beside):
         out[k, column.joint] = 1.0
     return np.asarray((out != 0).any(axis=2), dtype=np.float64)

@@ -8,7 +8,6 @@ from dynid.regressor.adjoint import torque_adjoint as torque_adjoint
 from dynid.regressor.columns import JointColumns as JointColumns
 from dynid.regressor.columns import coupled_motors as coupled_motors
 from dynid.regressor.columns import motor_turns as motor_turns
-from dynid.regressor.columns import smooth_sign as smooth_sign
 from dynid.regressor.inertial import Places as Places
 from dynid.regressor.inertial import in_lanes as in_lanes
 from dynid.regressor.inertial import inertial_rows as inertial_rows
@@ -24,5 +23,6 @@ from dynid.regressor.terms import TorqueRipple as TorqueRipple
 from dynid.regressor.terms import friction_state as friction_state
 from dynid.regressor.terms import parse_terms as parse_terms
 from dynid.regressor.terms import ripples_from_json as ripples_from_json
+from dynid.regressor.terms import smooth_sign as smooth_sign
 from dynid.regressor.terms import stribeck as stribeck
 from dynid.regressor.terms import terms_from_json as terms_from_json

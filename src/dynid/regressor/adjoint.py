@@ -243,7 +243,7 @@ def check_differentiable(model: InverseDynamicModel) -> None:
         InputError: Columns that no block differentiates, as friction that grows with the load
             and torque ripple.
     """
-    known = 10 * model.robot.joints + sum(model.counts)
+    known = 10 * model.robot.joints + model.beside
     if known != len(model.columns):
         raise InputError(
             "columns without a derivative",

@@ -46,16 +46,11 @@ class ColumnBlock(ABC):
         """Write the columns for dq, ddq (n, N) into out (k, n, N), which is zero."""
 
     @abstractmethod
-    def pull(
-        self,
-        robot: RobotModel,
-        dq: Array,
-        ddq: Array,
-        weights: Array,
-        dq_bar: Array,
-        ddq_bar: Array,
-    ) -> None:
-        """Add the derivative of sum(weights * columns), weights (k, n, N), to the bars (n, N)."""
+    def pull(self, robot: RobotModel, dq: Array, ddq: Array, weights: Array, bars: Array) -> None:
+        """Add the derivative of sum(weights * columns) by dq, ddq to the bars (2, n, N).
+
+        The weights are (k, n, N).
+        """
 
     def add_torque(
         self, robot: RobotModel, dq: Array, ddq: Array, parameters: Array, out: Array
@@ -151,18 +146,10 @@ class JointColumns(ColumnBlock):
         rows = self._rows(robot)
         out[range(len(rows)), rows] = self.values(dq, ddq)[rows]
 
-    def pull(
-        self,
-        robot: RobotModel,
-        dq: Array,
-        ddq: Array,
-        weights: Array,
-        dq_bar: Array,
-        ddq_bar: Array,
-    ) -> None:
+    def pull(self, robot: RobotModel, dq: Array, ddq: Array, weights: Array, bars: Array) -> None:
         """See `ColumnBlock`."""
         term = JOINT_TERMS[self.term]
-        slope, target = term.slope(self.shape, dq), ddq_bar if term.power == 2 else dq_bar
+        slope, target = term.slope(self.shape, dq), bars[1 if term.power == 2 else 0]
         rows = self._rows(robot)
         target[rows] += weights[range(len(rows)), rows] * np.broadcast_to(slope, dq.shape)[rows]
 
@@ -209,22 +196,14 @@ class Coupling(ColumnBlock):
             for block, term in enumerate(terms):
                 out[block * len(rows) + k] = share[:, None] * term
 
-    def pull(
-        self,
-        robot: RobotModel,
-        dq: Array,
-        ddq: Array,
-        weights: Array,
-        dq_bar: Array,
-        ddq_bar: Array,
-    ) -> None:
+    def pull(self, robot: RobotModel, dq: Array, ddq: Array, weights: Array, bars: Array) -> None:
         """See `ColumnBlock`."""
         rows = coupled_motors(robot)
         for k, (share, width) in enumerate(self._motors(robot)):
             coulomb, viscous, inertia = (share @ weights[b * len(rows) + k] for b in range(3))
             speed_bar = coulomb * smooth_slope(share @ dq, width) + viscous
-            dq_bar += share[:, None] * speed_bar
-            ddq_bar += share[:, None] * inertia
+            bars[0] += share[:, None] * speed_bar
+            bars[1] += share[:, None] * inertia
 
     def _motors(self, robot: RobotModel) -> list[tuple[Array, float]]:
         """Each motor's turns per joint turn (n) and its Coulomb width."""

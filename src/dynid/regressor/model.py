@@ -7,15 +7,8 @@ from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, Value, check_word, frozen, read_only
 from dynid.regressor import inertial
-from dynid.regressor.columns import (
-    Column,
-    ColumnBlock,
-    column_blocks,
-    coupled_motors,
-    motor_turns,
-    smooth_sign,
-)
-from dynid.regressor.terms import FrictionTerms, friction_state, stribeck
+from dynid.regressor.columns import Column, ColumnBlock, column_blocks, coupled_motors, motor_turns
+from dynid.regressor.terms import FrictionTerms, friction_state, smooth_sign, stribeck
 from dynid.robot import PARAMETER_UNITS, PARAMETERS, RobotModel
 
 CHUNK = 2000
@@ -37,14 +30,14 @@ class InverseDynamicModel(Value):
     """`dh`, `mdh` or `urdf`; empty for the robot's own."""
     friction: FrictionTerms = field(default_factory=FrictionTerms)
     """Columns beside the inertial ones; the paper's are Coulomb, viscous, motor inertia."""
-    blocks: tuple[ColumnBlock, ...] = field(init=False)
-    """What stands beside the inertial columns."""
+    blocks: tuple[tuple[ColumnBlock, slice], ...] = field(init=False)
+    """What stands beside the inertial columns, and where, counted from the first behind them."""
     columns: tuple[Column, ...] = field(init=False)
     """Name, unit and joint of the p standard parameters, in order."""
     constants: inertial.ChainConstants = field(init=False)
     """Numbers of the kernels."""
-    counts: tuple[int, ...] = field(init=False)
-    """Number of columns of each block."""
+    beside: int = field(init=False)
+    """Number of columns of all blocks."""
 
     def __post_init__(self) -> None:
         robot = self.robot
@@ -57,14 +50,16 @@ class InverseDynamicModel(Value):
             for i in range(robot.joints)
             for name, unit in zip(PARAMETERS, PARAMETER_UNITS, strict=True)
         )
-        beside = [block.columns(robot) for block in blocks]
-        added = tuple(column for columns in beside for column in columns)
+        own = [block.columns(robot) for block in blocks]
+        stops = np.cumsum([0, *map(len, own)]).tolist()
+        added = tuple(column for columns in own for column in columns)
         if self.friction.load is not None:
             added += tuple(Column(f"Fl{j + 1}", "1", j) for j in self.friction.load.joints)
         added += tuple(Column(f"Fw{r.joint + 1}", "1", r.joint) for r in self.friction.ripples)
         object.__setattr__(self, "frames", frames)
-        object.__setattr__(self, "blocks", blocks)
-        object.__setattr__(self, "counts", tuple(map(len, beside)))
+        parts = map(slice, stops[:-1], stops[1:])
+        object.__setattr__(self, "blocks", tuple(zip(blocks, parts, strict=True)))
+        object.__setattr__(self, "beside", stops[-1])
         object.__setattr__(self, "columns", standard + added)
         object.__setattr__(self, "constants", inertial.chain_constants(robot, frames))
 
@@ -155,7 +150,7 @@ class InverseDynamicModel(Value):
         position, velocity, acceleration = motion
         inertial.inertial_columns(self.constants, motion, out[:first])
         self.fill_beside(velocity, acceleration, out[first:])
-        first += sum(self.counts)
+        first += self.beside
         past = () if state is None else self.friction.presliding
         before = [j for j, displacement in enumerate(past) if displacement > 0]
         if state is not None:
@@ -197,21 +192,16 @@ class InverseDynamicModel(Value):
 
     def fill_beside(self, dq: Array, ddq: Array, out: Array) -> None:
         """Write the blocks' columns for dq, ddq (n, N) into out (p - 10 n, n, N)."""
-        first = 0
-        for block, count in zip(self.blocks, self.counts, strict=True):
-            block.fill(self.robot, dq, ddq, out[first : first + count])
-            first += count
+        for block, part in self.blocks:
+            block.fill(self.robot, dq, ddq, out[part])
 
     def pull_beside(self, motion: Array, weights: Array, out: Array) -> None:
         """Add to out (3, n, N) the derivative of sum(weights * blocks' columns) by the motion.
 
         The motion is q, dq, ddq (3, n, N), the weights are (p - 10 n, n, N).
         """
-        first = 0
-        for block, count in zip(self.blocks, self.counts, strict=True):
-            part = weights[first : first + count]
-            block.pull(self.robot, motion[1], motion[2], part, out[1], out[2])
-            first += count
+        for block, part in self.blocks:
+            block.pull(self.robot, motion[1], motion[2], weights[part], out[1:])
 
     def observation_matrix(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
         """W (n N, p), rows joint-major: all samples of joint 1 first; see `states`."""
@@ -244,7 +234,7 @@ class InverseDynamicModel(Value):
         for first in range(0, len(q), CHUNK):
             part = slice(first, first + CHUNK)
             now = None if state is None else state[:, part]
-            if now is None and 10 * self.robot.joints + sum(self.counts) == len(self.columns):
+            if now is None and 10 * self.robot.joints + self.beside == len(self.columns):
                 torque[part] = self._recursive(q[part], dq[part], ddq[part], parameters)
             else:
                 stack = self.stack(q[part], dq[part], ddq[part], state=now)
@@ -267,12 +257,10 @@ class InverseDynamicModel(Value):
         """Torques (N, n) without the regressor, where every column is one of a block."""
         state = inertial.in_lanes(self.motion(q, dq, ddq))
         out, first = np.empty(state.shape[1:]), 10 * self.robot.joints
-        links = parameters[:first].reshape(-1, 10)
+        links, others = parameters[:first].reshape(-1, 10), parameters[first:]
         inertial.torque_kernel(*self.constants, links, inertial.turns(state[0]), state, out)
-        for block, count in zip(self.blocks, self.counts, strict=True):
-            part = parameters[first : first + count]
-            block.add_torque(self.robot, state[1], state[2], part, out)
-            first += count
+        for block, part in self.blocks:
+            block.add_torque(self.robot, state[1], state[2], others[part], out)
         return out[:, : len(q)].T
 
     def known_torque(self, q: ArrayLike) -> Array:

@@ -18,22 +18,16 @@ Width = float | tuple[float, ...]
 
 def smooth_sign(dq: Array, width: Width) -> Array:
     """tanh(dq / width) for dq (n, N) or (N), the sign where the width is 0."""
-    if not isinstance(width, tuple):
-        return np.tanh(dq / width) if width > 0 else np.sign(dq)
-    out = np.empty_like(dq)
-    for j, one in enumerate(width):
-        out[j] = smooth_sign(dq[j], one)
-    return out
+    if isinstance(width, tuple):
+        return np.array([smooth_sign(*each) for each in zip(dq, width, strict=True)])
+    return np.tanh(dq / width) if width > 0 else np.sign(dq)
 
 
 def smooth_slope(dq: Array, width: Width) -> Array:
     """Derivative of `smooth_sign` by dq (n, N) or (N): zero where the width is 0."""
-    if not isinstance(width, tuple):
-        return (1.0 - np.square(np.tanh(dq / width))) / width if width > 0 else np.zeros_like(dq)
-    out = np.empty_like(dq)
-    for j, one in enumerate(width):
-        out[j] = smooth_slope(dq[j], one)
-    return out
+    if isinstance(width, tuple):
+        return np.array([smooth_slope(*each) for each in zip(dq, width, strict=True)])
+    return (1.0 - np.square(np.tanh(dq / width))) / width if width > 0 else np.zeros_like(dq)
 
 
 def stribeck(dq: Array, velocity: Width) -> Array:
@@ -68,19 +62,6 @@ class LoadFriction:
             raise InputError("load friction needs joints, each once", value=self.joints)
         if not all(math.isfinite(value) for value in self.parameters):
             raise InputError("the parameters of the load must be finite")
-
-    def check_joints(self, joints: int) -> None:
-        """Check against the number of joints of a robot.
-
-        Raises:
-            InputError: A joint that the robot does not have, or a load of another robot.
-        """
-        if max(self.joints) >= joints or len(self.parameters) != 10 * joints:
-            raise InputError(
-                "load friction of another robot",
-                value=(max(self.joints) + 1, len(self.parameters)),
-                limit=(joints, 10 * joints),
-            )
 
     def describe(self) -> str:
         """In the form of `--terms`."""
@@ -333,7 +314,7 @@ class FrictionTerms:
         """Check against the number of joints of a robot.
 
         Raises:
-            InputError: A joint or a list of widths that the robot does not have.
+            InputError: A joint, a list of widths or a load that the robot does not have.
         """
         named = [r.joint for r in self.ripples] + [j for _, js in self.terms for j in js or ()]
         highest = max([*named, *(gear.joint for r in self.ripples for gear in r.gears)], default=0)
@@ -345,7 +326,10 @@ class FrictionTerms:
                 limit=joints,
             )
         if self.load is not None:
-            self.load.check_joints(joints)
+            found = max(self.load.joints) + 1, len(self.load.parameters)
+            if found[0] > joints or found[1] != 10 * joints:
+                limit = (joints, 10 * joints)
+                raise InputError("load friction of another robot", value=found, limit=limit)
         shapes = {"Coulomb width": self.width, "Stribeck velocity": self.stribeck_velocity}
         for what, given in shapes.items():
             if isinstance(given, tuple) and len(given) != joints:

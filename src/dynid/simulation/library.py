@@ -239,7 +239,6 @@ _COULOMB = (9.8, 10.7, 10.5, 1.7, 1.6, 1.6)
 _VISCOUS = (13.7, 11.2, 7.0, 2.5, 1.7, 1.3)
 _VISCOUS_DECAY = (0.036, 0.034, 0.032, 0.028, 0.026, 0.025)
 _PAPER_GAIN = (13.64, 13.75, 13.69, 9.67, 8.74, 9.02)
-_BIG, _SMALL = 3, 3  # joints of size 3 and of size 1
 
 
 def ur5_truth(robot: RobotModel) -> GroundTruth:
@@ -326,7 +325,8 @@ def _sensors(noise: Array, step: Array) -> joints.JointSensors:
 
 
 def _each(big: float, small: float) -> Array:
-    return np.array([big] * _BIG + [small] * _SMALL)
+    """(6) of the joints of size 3, then of those of size 1."""
+    return np.repeat([big, small], 3)
 
 
 _TORQUE_STAND_IN = 50.0

@@ -15,7 +15,6 @@ from dynid.validation.observer import ContactThresholds as ContactThresholds
 from dynid.validation.observer import MomentumObserver as MomentumObserver
 from dynid.validation.observer import contact_thresholds as contact_thresholds
 from dynid.validation.prediction import MOVING_SPEED as MOVING_SPEED
-from dynid.validation.prediction import PoseUncertainty as PoseUncertainty
 from dynid.validation.prediction import ValidationResult as ValidationResult
 from dynid.validation.prediction import record_findings as record_findings
 from dynid.validation.prediction import reproduce as reproduce

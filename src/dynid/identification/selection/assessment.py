@@ -10,18 +10,7 @@ from dynid.core import Array, Indices, Mask, Value
 from dynid.identification.bayesian import PublishedPrior, published_prior
 from dynid.identification.least_squares import Fit
 from dynid.identification.problem import IdentificationProblem
-from dynid.identification.selection import gram
-from dynid.identification.selection.regions import (
-    BLOCKS,
-    LEVELS,
-    SLOWEST,
-    TorqueInterval,
-    divided,
-    find_regions,
-    leverage,
-    moving_rows,
-    stretches,
-)
+from dynid.identification.selection import gram, regions
 from dynid.identification.selection.scoring import PRIOR_WEIGHTS, gain_of
 from dynid.robot import joints_by_kind
 from dynid.signals import Samples
@@ -64,7 +53,7 @@ class Assessment(Value):
     pays: bool | None
     """Whether identifying the inertias lowers the errors, by more than their standard error;
     None where none are published."""
-    interval: TorqueInterval
+    interval: regions.TorqueInterval
     by_speed: Array
     """(2, n, B) mean square error on what was left out in the bands of `SPEEDS`, and its standard
     error [(N.m)^2 or N^2]."""
@@ -145,7 +134,7 @@ def assessment_from_json(data: dict[str, Any]) -> Assessment:
         torque=array(data["torque_rms"]),
         models={str(model["name"]): array(model["rms"]) for model in data["models"]},
         pays=data["identification_pays"],
-        interval=TorqueInterval(**interval),
+        interval=regions.TorqueInterval(**interval),
         by_speed=array(by_speed["square_errors"]),
     )
 
@@ -182,7 +171,7 @@ def assess(
     """
     n = problem.samples.joints
     cells = cells or _cells(problem, lengths)
-    blocks, keys, regions = cells.blocks, cells.keys, cells.parts
+    blocks, keys = cells.blocks, cells.keys
     count = float(blocks.rows[0].sum())
     known = published_prior(problem.base)
     prior = gram.Shrinkage(mean=known.mean, precision=known.precision)
@@ -196,10 +185,10 @@ def assess(
     root = _root(fitted, prior, strength, known, [w * count for w in near_weights])
     samples = problem.samples
     speed = np.abs(samples.dq[samples.rows][:: samples.block][: problem.blocks].T)
-    slowest = SLOWEST * np.maximum(np.percentile(speed, 99, axis=1), 1e-9)
+    slowest = regions.SLOWEST * np.maximum(np.percentile(speed, 99, axis=1), 1e-9)
     precision = strength * known.precision
-    fast = SLOWEST * speed > FAST * slowest[:, None]
-    index, error, lever, floor = _rows(problem, fitted, regions, root, precision, fast)
+    fast = regions.SLOWEST * speed > FAST * slowest[:, None]
+    index, error, lever, floor = _rows(problem, fitted, cells.parts, root, precision, fast)
     within = _within(samples)
     if samples.noise is not None:
         floor = np.sqrt(np.maximum(np.square(samples.noise) - within, 0.0))
@@ -207,7 +196,7 @@ def assess(
     # No model of the motion tells repetitions apart: all err by what has changed.
     changed = np.zeros(n) if samples.changed is None else samples.changed
     # Of each row that is left out: its part, and whether its joint moves.
-    part, moves = regions[index], (speed > slowest[:, None])[:, index]
+    part, moves = cells.parts[index], (speed > slowest[:, None])[:, index]
     return Assessment(
         anywhere=np.hypot(fitted.rms, changed),
         this_motion=np.hypot(this_motion, changed),
@@ -215,7 +204,7 @@ def assess(
         torque=fitted.torque,
         models={name: np.hypot(rms, changed) for name, rms in models.items()},
         pays=pays,
-        interval=TorqueInterval(
+        interval=regions.TorqueInterval(
             root=root,
             sigma=np.hypot(this_motion, changed),
             slowest=slowest,
@@ -255,10 +244,11 @@ def _cells(problem: IdentificationProblem, lengths: Sequence[int]) -> LeftOutCel
     recordings = np.searchsorted(ends, np.arange(problem.blocks), side="right")
     parts = recordings
     if len(lengths) <= 1:
-        parts = find_regions([q], problem.base.model.robot.prismatic).labels(q, 0)
-    (moves,) = moving_rows([dq], problem.rate_hz)
+        parts = regions.find_regions([q], problem.base.model.robot.prismatic).labels(q, 0)
+    (moves,) = regions.moving_rows([dq], problem.rate_hz)
     parts, blocks_of_time = (
-        divided(some, moves, recordings) for some in (parts, stretches(problem.blocks))
+        regions.divided(some, moves, recordings)
+        for some in (parts, regions.stretches(problem.blocks))
     )
     keys, cells = np.unique(np.stack([parts, blocks_of_time]), axis=1, return_inverse=True)
     blocks = gram.gram_blocks(
@@ -318,7 +308,7 @@ def _inverse_root(matrix: Array) -> Array:
 def _rows(
     problem: IdentificationProblem,
     fitted: _LeftOut,
-    regions: Indices,
+    parts: Indices,
     root: Array,
     precision: Array,
     fast: Mask,
@@ -339,13 +329,13 @@ def _rows(
     bends = np.zeros(counted.shape[:2])
     for rows, columns, torque in problem.chunks():
         part = slice(*np.searchsorted(index, (rows.start, rows.stop)))
-        where = regions[index[part]]
+        where = parts[index[part]]
         for k in np.unique(where):
             here = part.start + np.flatnonzero(where == k)
             x, tau = (values[..., index[here] - rows.start] for values in (columns, torque))
             values = fitted.values[min(k, len(fitted.values) - 1)]
             error[:, here] = tau - np.tensordot(values, x, axes=1)
-            lever[:, here] = leverage(roots[int(k)], x)
+            lever[:, here] = regions.leverage(roots[int(k)], x)
         # Second differences: the torque of a motion hardly bends from row to row.
         squares = np.square(np.diff(error[:, part], n=2, axis=1)) / 6.0
         bends += (squares * counted[..., index[part][1:-1]]).sum(axis=2)
@@ -363,22 +353,23 @@ def _within(samples: Samples) -> Array:
 
 def _bands(speed: Array, slowest: Array) -> Indices:
     """(n, N) which band of `SPEEDS` speeds (n, N) lie in, by that from which a joint moves (n)."""
-    shares = SLOWEST * speed / slowest[:, None]
+    shares = regions.SLOWEST * speed / slowest[:, None]
     return np.searchsorted(np.array(SPEEDS), shares, side="right")
 
 
 def _by_speed(square: Array, bands: Indices) -> Array:
     """(2, n, B) means of squares (n, M) by band, and what stretches of time make unsure of them."""
     count = len(SPEEDS) + 1
-    cells = stretches(square.shape[1]) * count
+    cells = regions.stretches(square.shape[1]) * count
     found = np.empty((2, len(square), count))
     for j, (values, own) in enumerate(zip(square, bands, strict=True)):
         rows, sums = (
-            np.bincount(cells + own, each, BLOCKS * count).reshape(BLOCKS, count) + extra / BLOCKS
+            np.bincount(cells + own, each, regions.BLOCKS * count).reshape(regions.BLOCKS, count)
+            + extra / regions.BLOCKS
             for each, extra in ((None, MEAN_ROWS), (values, MEAN_ROWS * values.mean()))
         )
         mean = sums.sum(axis=0) / rows.sum(axis=0)
-        apart = BLOCKS / (BLOCKS - 1) * np.square(sums - rows * mean).sum(axis=0)
+        apart = regions.BLOCKS / (regions.BLOCKS - 1) * np.square(sums - rows * mean).sum(axis=0)
         found[:, j] = mean, np.sqrt(apart) / rows.sum(axis=0)
     return found
 
@@ -393,7 +384,7 @@ def _calibrated(
     parts = np.unique(part, return_inverse=True)[1]
     count = int(parts.max()) + 1
     n = len(sigma)
-    scale, quantiles = np.ones(n), np.zeros((2, n, len(LEVELS)))
+    scale, quantiles = np.ones(n), np.zeros((2, n, len(regions.LEVELS)))
     for j in range(n):
         square, floor = np.square(error[j]), max(float(sigma[j]), 1e-9) ** 2
         losses = np.empty((len(SCALES), count))
@@ -410,5 +401,5 @@ def _calibrated(
         ratio = np.sqrt(square / (floor + scale[j] ** 2 * lever[j]))
         for k, some in enumerate((~moves[j], moves[j])):
             used = ratio[some] if some.sum() >= FEWEST_ROWS else ratio
-            quantiles[k, j] = np.quantile(used, LEVELS)
+            quantiles[k, j] = np.quantile(used, regions.LEVELS)
     return {"scale": scale, "quantiles": quantiles}

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, Indices, Mask
-from dynid.identification.selection.columns import LOAD, WIDTHS, CandidateColumns, JointChoice
+from dynid.identification.selection.candidates import LOAD, WIDTHS, CandidateColumns, JointChoice
 from dynid.identification.selection.gram import RIDGE, GramBlocks, joint_weights
 from dynid.identification.selection.scoring import LEAST_GAIN, Scores, ScoreSearch
 from dynid.signals import ProcessingSettings
@@ -178,7 +178,7 @@ def _taken(
     def scored(which: list[int]) -> Scores:
         picks = search.picks_at(places, columns, which)
         weights = joint_weights(blocks.all, picks, prior)
-        return search.errors_of(blocks, picks, weights, search.plain_prior)
+        return search.scores(blocks, picks, weights, search.plain_prior)
 
     taken: list[int] = (near != 0).astype(int).tolist()
     for j in np.argsort(np.abs(near)):

@@ -8,20 +8,8 @@ import numpy as np
 from dynid.core import Array, Indices, InputError, Mask, scipy_part
 from dynid.identification.bayesian import not_negative, published_prior
 from dynid.identification.problem import IdentificationProblem, block_mean
-from dynid.identification.selection import gram, regions
-from dynid.identification.selection.columns import (
-    DISPLACEMENTS,
-    EXTRA_TERMS,
-    EXTRA_WIDTH,
-    LEVER,
-    LOAD,
-    PLAIN_WIDTH,
-    CandidateColumns,
-    JointChoice,
-    chosen_friction,
-    load_inertias,
-    load_size,
-)
+from dynid.identification.selection import candidates, gram, regions
+from dynid.identification.selection.candidates import EXTRA_WIDTH, CandidateColumns, JointChoice
 from dynid.identification.selection.unseen import standing
 from dynid.reduction import reduce_model
 from dynid.regressor import TERMS, FrictionTerms, InverseDynamicModel, coupled_motors
@@ -141,17 +129,17 @@ class ScoreSearch:
         fixed = terms or FrictionTerms()
         stepped = ("fc", "fca", "fs")
         shared = tuple(term for term in fixed.terms if term[0] not in stepped)
-        levers = np.where(robot.prismatic, LEVER, 1.0)
+        levers = np.where(robot.prismatic, candidates.LEVER, 1.0)
         # What is given stays as it is; ours is that of joints that turn.
         speeds = np.broadcast_to(fixed.stribeck_velocity, levers.shape)
         speeds = speeds * levers if terms is None else speeds
         self.columns = CandidateColumns(
             stepped=tuple(term for term in fixed.terms if term[0] in stepped),
-            extras=EXTRA_TERMS if terms is None else (),
+            extras=candidates.EXTRA_TERMS if terms is None else (),
             stribeck_velocity=tuple(speeds.tolist()),
             levers=levers,
             unit=levers,
-            displacements=DISPLACEMENTS if presliding and terms is None else (),
+            displacements=candidates.DISPLACEMENTS if presliding and terms is None else (),
         )
         self.base = reduce_model(
             InverseDynamicModel(
@@ -177,7 +165,8 @@ class ScoreSearch:
         self, settings: ProcessingSettings, choices: Sequence[JointChoice] | None = None
     ) -> float:
         """Score of the paper's friction, or of the steps of choices, from their columns alone."""
-        steps = [c.step for c in choices] if choices else [PLAIN_WIDTH] * self.robot.joints
+        plain = [candidates.PLAIN_WIDTH] * self.robot.joints
+        steps = [c.step for c in choices] if choices else plain
         columns = replace(self.columns, extras=())
         if choices is None:
             columns = replace(columns, displacements=())
@@ -186,7 +175,7 @@ class ScoreSearch:
         picks = self.picks_at(places, columns)
         prior = self.prior.times(self.plain_prior)
         weights = gram.joint_weights(blocks.all, picks, prior)
-        return min(self.errors_of(blocks, picks, weights, w).value for w in COARSE_WEIGHTS)
+        return min(self.scores(blocks, picks, weights, w).value for w in COARSE_WEIGHTS)
 
     def summed(
         self,
@@ -205,9 +194,11 @@ class ScoreSearch:
         decimated = replace(settings, decimate=True)
         processed = [samples_from(signals, decimated) for signals in self.recordings]
         inertias = None
-        if LOAD in columns.extras:
+        if candidates.LOAD in columns.extras:
             if self._load is None or self._load[0] != settings:
-                found = load_inertias(self.base.model, processed, EXTRA_WIDTH, self.plain_prior)
+                found = candidates.load_inertias(
+                    self.base.model, processed, EXTRA_WIDTH, self.plain_prior
+                )
                 self._load = (settings, found)
             inertias = self._load[1]
         used = [samples.dq[samples.rows] for samples in processed]
@@ -287,7 +278,7 @@ class ScoreSearch:
         )
         load = np.zeros(samples.q.T.shape)
         if inertias is not None:
-            load = load_size(self.base.model, samples, inertias)
+            load = candidates.load_size(self.base.model, samples, inertias)
         states = columns.states(samples)
         for rows, stack, known in problem.chunks():
             part = slice(first + block * rows.start, first + block * rows.stop)
@@ -343,16 +334,6 @@ class ScoreSearch:
     def scores(
         self,
         blocks: CandidateBlocks,
-        choices: tuple[JointChoice, ...],
-        weights: Array,
-        prior: float,
-    ) -> Scores:
-        """Left-out errors of choices."""
-        return self.errors_of(blocks, self.picks(choices), weights, prior)
-
-    def errors_of(
-        self,
-        blocks: CandidateBlocks,
         picks: tuple[gram.Pick, ...],
         weights: Array,
         prior: float,
@@ -378,7 +359,8 @@ class ScoreSearch:
         """
         blocks = self.blocks(settings)
         weights = self.weights(blocks, choices, prior)
-        scored = [self.scores(blocks, choices, weights, w) for w in PRIOR_WEIGHTS]
+        picks = self.picks(choices)
+        scored = [self.scores(blocks, picks, weights, w) for w in PRIOR_WEIGHTS]
         best = int(np.argmin([s.value for s in scored]))
         # An error of few parts is itself unsure.
         freedom = [max(each.shape[1] - 1, 1) for each in scored[best].errors]
@@ -406,14 +388,14 @@ class ScoreSearch:
         """
         blocks = self.blocks(settings)
         weights = self.weights(blocks, choices, prior)
-        now = self.scores(blocks, choices, weights, prior)
+        now = self.scores(blocks, self.picks(choices), weights, prior)
         for _ in range(PASSES):
             before = choices
             for j in range(self.robot.joints) if joints is None else joints:
                 found: tuple[float, JointChoice, Scores] | None = None
                 for trial in self.columns.moves(choices[j], j in coupled_motors(self.robot)):
                     moved = (*choices[:j], trial, *choices[j + 1 :])
-                    scored = self.scores(blocks, moved, weights, prior)
+                    scored = self.scores(blocks, self.picks(moved), weights, prior)
                     price = GAIN_OF_TERM * (trial.size - choices[j].size)
                     # A motion that is repeated needs no proof that a term transfers.
                     doubt = float(price > 0 and self.anywhere)
@@ -433,7 +415,7 @@ class ScoreSearch:
         prior: float,
     ) -> FrictionTerms:
         """The friction terms of the choices, without those that no positive parameter explains."""
-        found = chosen_friction(choices, self.columns, self.given)
+        found = candidates.chosen_friction(choices, self.columns, self.given)
         if self.given is not None:
             return found
         blocks = self.blocks(settings)
@@ -453,5 +435,5 @@ class ScoreSearch:
         # Of a joint that stands still they would be made of noise.
         reach = np.ptp(np.concatenate([r.q for r in self.recordings]), axis=0)
         still = np.flatnonzero(standing(self.robot, reach)) + 1
-        dropped |= {f"{term.capitalize()}{j}" for term in (*TERMS, LOAD) for j in still}
+        dropped |= {f"{term.capitalize()}{j}" for term in (*TERMS, candidates.LOAD) for j in still}
         return found.without(dropped, self.robot.joints)

@@ -11,26 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dynid import signals
 from dynid.core import Array, Progress, silent
-from dynid.identification.selection.columns import DISPLACEMENTS, PLAIN_WIDTH, JointChoice
-from dynid.identification.selection.delays import (
-    Delays,
-    delays_that_pay,
-    measured_delays,
-    refined_delays,
-)
+from dynid.identification.selection import delays
+from dynid.identification.selection.candidates import DISPLACEMENTS, PLAIN_WIDTH, JointChoice
 from dynid.identification.selection.scoring import GAIN_OF_SHAPE, ScoreSearch
 from dynid.regressor import FrictionTerms, coupled_motors
 from dynid.robot import RobotModel
-from dynid.signals import (
-    NYQUIST_SHARE,
-    ORDERS,
-    ProcessingSettings,
-    TorqueFilter,
-    UniformSignals,
-    at_one_rate,
-    torque_end,
-)
+from dynid.signals import ProcessingSettings, TorqueFilter, UniformSignals
 
 PURPOSES = ("anywhere", "this-motion")
 """What a model is for."""
@@ -84,23 +72,28 @@ def select(
         InputError: A recording is too short to leave parts out.
     """
     tell = progress or silent
-    delays_are_free, late = settings.delays_s is None, Delays()
+    delays_are_free, late = settings.delays_s is None, delays.Delays()
     if delays_are_free and (terms is not None or not presliding):
         # Friction that the model leaves out would look like delays.
         free = select(
             robot, frames, recordings, settings, smoothed=smoothed, purpose=purpose,
             progress=lambda word, share: tell(word, 0.1 * share),
         )  # fmt: skip
-        late = Delays(taken_s=free.settings.delays_s, std_s=free.delays_std_s)
+        late = delays.Delays(taken_s=free.settings.delays_s, std_s=free.delays_std_s)
         settings, delays_are_free = replace(settings, delays_s=late.taken_s), False
     search = ScoreSearch(
-        robot, frames, at_one_rate(recordings), terms, presliding=presliding, purpose=purpose
+        robot,
+        frames,
+        signals.at_one_rate(recordings),
+        terms,
+        presliding=presliding,
+        purpose=purpose,
     )
     over = _take_presliding_of_motors(search, _settings_to_try(recordings, settings))
     choices = tuple(JointChoice(PLAIN_WIDTH, frozenset(), displacement) for displacement in over)
     if delays_are_free and not smoothed:
         tell("delays", 0.0)
-        late = measured_delays(search, settings)
+        late = delays.measured_delays(search, settings)
         settings = replace(settings, delays_s=late.taken_s)
     trials = _settings_to_try(recordings, settings)
     scored: list[float] = []
@@ -113,13 +106,13 @@ def select(
         passed = _passed_by(search, trials[best])
         trials = tuple(replace(trial, torque_filter=passed) for trial in trials)
     if delays_are_free and smoothed:
-        late = measured_delays(search, trials[best])
+        late = delays.measured_delays(search, trials[best])
         trials = tuple(replace(trial, delays_s=late.taken_s) for trial in trials)
     tell("friction", 0.4)
     prior = search.prior_weights(trials[best], choices, search.plain_prior)[0][0]
     choices, now = search.descend(trials[best], choices, prior)
     if delays_are_free:
-        chosen, choices, now = delays_that_pay(search, trials[best], choices, now, prior)
+        chosen, choices, now = delays.delays_that_pay(search, trials[best], choices, now, prior)
         trials = tuple(replace(trial, delays_s=chosen.delays_s) for trial in trials)
     # Steps that are sharper than friction is ask for a low cut-off: chosen, it may move far.
     tell("cut-off", 0.75)
@@ -133,7 +126,8 @@ def select(
             continue
         tried.add(near)
         blocks = search.blocks(trials[near])
-        other = search.scores(blocks, choices, search.weights(blocks, choices, prior), prior)
+        weights = search.weights(blocks, choices, prior)
+        other = search.scores(blocks, search.picks(choices), weights, prior)
         # Far off, the terms that hide what a low cut-off leaves stand in the way.
         if near == far or other.value < now.value - GAIN_OF_SHAPE * robot.joints:
             found, other = search.descend(trials[near], choices, prior)
@@ -141,7 +135,7 @@ def select(
                 choices, now, best = found, other, near
     settings = trials[best]
     if delays_are_free:
-        settings = replace(settings, delays_s=refined_delays(search, settings, choices))
+        settings = replace(settings, delays_s=delays.refined_delays(search, settings, choices))
     near_weights, now = search.prior_weights(settings, choices, prior)
     tell("done", 1.0)
     return Selection(
@@ -192,7 +186,7 @@ def _passed_by(search: ScoreSearch, trial: ProcessingSettings) -> TorqueFilter |
             known[passed] = search.plain_score(replace(trial, torque_filter=passed))
         return known[passed]
 
-    highest = max(torque_end(signals) for signals in search.recordings)
+    highest = max(signals.torque_end(one) for one in search.recordings)
     lowest = max(highest / 8, SHORTEST_RECORD / _duration(search.recordings))
     cutoffs = np.geomspace(min(lowest, highest / 2), highest, 6)
     found = min((TorqueFilter(cutoff_hz=float(f), order=2) for f in cutoffs), key=score)
@@ -201,7 +195,7 @@ def _passed_by(search: ScoreSearch, trial: ProcessingSettings) -> TorqueFilter |
         step = step**0.5
         beside = (replace(found, cutoff_hz=found.cutoff_hz * r) for r in (1.0, step, 1 / step))
         found = min(beside, key=score)
-        near = (k for k in ORDERS if abs(k - found.order) <= 1)
+        near = (k for k in signals.ORDERS if abs(k - found.order) <= 1)
         found = min((replace(found, order=order) for order in near), key=score)
     if score(found) > score(None) - GAIN_OF_SHAPE * search.robot.joints:
         return None
@@ -210,13 +204,13 @@ def _passed_by(search: ScoreSearch, trial: ProcessingSettings) -> TorqueFilter |
 
 def _duration(recordings: Sequence[UniformSignals]) -> float:
     """The shortest recording's [s]."""
-    return min(float(np.ptp(signals.t)) for signals in recordings)
+    return min(float(np.ptp(one.t)) for one in recordings)
 
 
 def _settings_to_try(
     recordings: Sequence[UniformSignals], settings: ProcessingSettings
 ) -> tuple[ProcessingSettings, ...]:
-    highest = NYQUIST_SHARE * min(signals.rate_hz for signals in recordings) / 2
+    highest = signals.NYQUIST_SHARE * min(one.rate_hz for one in recordings) / 2
     if settings.cutoff_hz is not None:
         cutoffs = [settings.cutoff_hz]
     else:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynid.core import Array, Mask, Value
-from dynid.identification.selection.columns import DISPLACEMENTS, LEVER
+from dynid.identification.selection.candidates import DISPLACEMENTS, LEVER
 from dynid.robot import RobotModel
 
 EXPONENT = 0.1
