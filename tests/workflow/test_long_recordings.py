@@ -250,7 +250,7 @@ def test_memory_does_not_grow_with_the_rows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Eight stretches fill up with all regions as the recording grows, and then no more.
-    monkeypatch.setattr("dynid.identification.selection.regions.BLOCKS", 1)
+    monkeypatch.setattr("dynid.identification.selection.regions.BLOCKS", 2)
     record = recording()
 
     def peak(copies: int) -> int:
