@@ -170,6 +170,18 @@ def test_a_bound_that_holds_does_not_make_its_parameter_certain(size: float) -> 
     assert 0.3 < held / free < 3
 
 
+def test_a_bound_that_rounding_lies_beyond_holds() -> None:
+    problem = small_problem(2)
+    beyond = solve_conic(problem, 0.1)
+    beyond = replace(beyond, multipliers=np.array([1e9, 0.0]))
+    beyond.values[20] = -1e-12
+    one, other = (
+        standard_fit(problem, 0.1, replace(beyond, held=held), problem.matrix, np.eye(20))
+        for held in (np.array([True, False]), np.array([False, False]))
+    )
+    np.testing.assert_array_equal(one.gain, other.gain)
+
+
 def test_the_divergence_is_zero_at_the_prior_and_infinite_outside() -> None:
     problem = small_problem(0)
     at_prior = np.concatenate([problem.prior.ravel(), np.zeros(2)])

@@ -44,6 +44,17 @@ def test_good(good: tuple[Record, Record]) -> None:
     assert not codes & {"ill_conditioned", "over_fitted", "gain_all", "mounting", "contact"}
 
 
+def test_intervals_that_hold_less_than_half_of_a_joint_limit(good: tuple[Record, Record]) -> None:
+    result = dynid.identify(good[0], ROBOT, PAPER, validation=good[1])
+    other = result.validation
+    assert other is not None
+    for share, answer in ((0.6, "yes"), (0.4, "limits")):
+        covered = np.where(np.arange(6) == 3, share, 0.9)
+        told = dynid.verdict(replace(result, validation=replace(other, covered=covered)))
+        assert told.prediction.answer == answer
+        assert (ROBOT.joint_names[3] in told.prediction.reason) == (answer == "limits")
+
+
 def test_ill_conditioned(good: tuple[Record, Record]) -> None:
     found, codes = judged((recorded(5, margin=0.03), good[1]))
     assert found.level == "do_not_use"

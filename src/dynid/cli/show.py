@@ -9,6 +9,7 @@ import shlex
 import sys
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -95,8 +96,7 @@ def fitting(screen: Console, findings: Sequence[core.Finding], lines: int) -> in
     from rich.text import Text
 
     taken = [len(Text(_line(told)).wrap(screen, screen.width)) for told in findings]
-    fits = sum(sum(taken[: k + 1]) <= lines for k in range(len(taken)))
-    return max(fits, min(len(findings), 1))
+    return max(sum(end <= lines for end in accumulate(taken)), min(len(findings), 1))
 
 
 def number(value: float | None, digits: int = 4) -> str:
